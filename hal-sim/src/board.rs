@@ -12,7 +12,7 @@ use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
 use plant::Axis;
-use plant::leg::lost_part;
+use plant::leg::{DeadTime, Period};
 use plant::machine::{Bridge, Coupling, Machine};
 use plant::model::Model;
 use rand_distr::{Distribution, StandardNormal};
@@ -60,7 +60,7 @@ pub struct BoardConfig {
     pub chopper: Option<Chopper>,
     /// Dead time of the bridges, s.
     pub dead_time_s: f64,
-    /// Capacitance of each switch of a leg, F: its charge takes a part of the dead time. 0: a leg loses all of it from 20 mA on.
+    /// Capacitance of each switch of a leg, F: its charge takes a part of the dead time. 0: a leg turns at once.
     pub leg_f: f64,
     /// The bridges switch; `None`: they hold the mean of a period's voltages.
     pub switching: Option<Switching>,
@@ -132,10 +132,22 @@ impl BoardConfig {
     }
 }
 
-/// The current, A, within which a phase's dead time loses its grip: the ripple of a real current makes it change
-/// sign within the period.
-const DEAD_TIME_FADE_A: f64 = 0.02;
-const DEAD_TIME_SLOPE: f64 = 1.0 / DEAD_TIME_FADE_A;
+/// The period before, of a bridge that was driven.
+#[derive(Clone, Copy, Debug)]
+struct LastPeriod {
+    /// Currents into the motor at its begin, A.
+    amps: [f64; 3],
+    /// Mean voltages of its legs to the middle of the bus, of that.
+    legs: [f64; 3],
+}
+
+impl LastPeriod {
+    /// Phase voltages that would have kept its currents, of the bus: `amps` are those at its end.
+    fn balance(&self, amps: [f64; 3], bus_a: f64) -> [f64; 3] {
+        let mean = self.legs.iter().sum::<f64>() / 3.0;
+        [0, 1, 2].map(|k| self.legs[k] - mean - (amps[k] - self.amps[k]) / bus_a)
+    }
+}
 
 /// One bridge as its timer drives it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -162,6 +174,8 @@ pub struct Board {
     driven: [Bridge; 2],
     /// The legs of bridges that switch.
     switched: [SwitchedBridge; 2],
+    /// Where a dead time is lost.
+    last: [Option<LastPeriod>; 2],
     /// Frames of absolute encoders, latched since the last turn of a counter.
     frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
@@ -184,6 +198,8 @@ pub struct Board {
     duty_per_count: f64,
     /// Part of the bus voltage that a phase loses to the dead time.
     dead_part: f64,
+    /// The inverse of the phases' inductances, 1/H.
+    per_henry: [f64; 2],
     /// The ADC's reference, of what it should be.
     reference: f64,
     /// The factor by which the chip's clock is slow.
@@ -210,6 +226,7 @@ impl Board {
             bridges: [BridgeState::default(); 2],
             driven: [Bridge::Open; 2],
             switched: [SwitchedBridge::default(); 2],
+            last: [None; 2],
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
             bus_v: config.bus_v,
@@ -226,6 +243,7 @@ impl Board {
             period: config.period(),
             duty_per_count: f64::from(config.period()).recip(),
             dead_part: config.dead_time_s / config.pwm_period_s(),
+            per_henry: Axis::ALL.map(|axis| model.motor(axis).inductance_h.recip()),
             reference: 1.0,
             slow: 1.0,
         }
@@ -627,7 +645,8 @@ impl Board {
 
     /// Mean phase voltages over a period, to the middle of the bus.
     #[inline(always)]
-    fn voltages(&self, axis: Axis, command: PwmCommand, open: bool, currents: [f64; 3]) -> Bridge {
+    fn voltages(&mut self, axis: Axis, command: PwmCommand, open: bool, amps: [f64; 3]) -> Bridge {
+        let last = self.last[axis.index()].take();
         if !command.enable || open {
             return Bridge::Open;
         }
@@ -636,18 +655,28 @@ impl Board {
         if a.max(b).max(c) == 0 || a.min(b).min(c) >= self.period {
             return Bridge::Shorted;
         }
-        let over_middle = |compare| (f64::from(compare) * self.duty_per_count).min(1.0) - 0.5;
-        let mut legs = [a, b, c].map(over_middle);
+        let duty = |compare| (f64::from(compare) * self.duty_per_count).min(1.0);
+        let duties = [a, b, c].map(duty);
+        let mut legs = duties.map(|duty| duty - 0.5);
         if self.dead_part > 0.0 {
-            let turning_a = self.config.turning_a();
-            for (leg, amps) in legs.iter_mut().zip(currents) {
-                let lost = if turning_a > 0.0 {
-                    lost_part(amps / turning_a)
-                } else {
-                    (amps * DEAD_TIME_SLOPE).clamp(-1.0, 1.0)
-                };
+            let bus_a = self.bus_v * self.period_s() * self.per_henry[axis.index()];
+            let dead_time = DeadTime {
+                part: self.dead_part,
+                // Without capacitance a leg that is held has two thirds of the bus across its phase. A current up to
+                // `2/3 V t / L` ends within the dead time `t`, and loses that part of it. So does a leg whose charge turns
+                // at half of that current.
+                turning_a: (self.config.turning_a()).max(self.dead_part * bus_a / 3.0),
+                bus_a,
+            };
+            let lost = dead_time.lost_parts(&Period {
+                duties,
+                amps,
+                balance: last.map_or([0.0; 3], |last| last.balance(amps, bus_a)),
+            });
+            for (leg, lost) in legs.iter_mut().zip(lost) {
                 *leg -= self.dead_part * lost;
             }
+            self.last[axis.index()] = Some(LastPeriod { amps, legs });
         }
         let legs = legs.map(|part| self.bus_v * part);
         Bridge::Driven(match &self.miswired[axis.index()] {
@@ -660,6 +689,7 @@ impl Board {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plant::leg::lost_part;
 
     /// The node of a leg, a nanosecond at a time: a current pulls it down from when the high side opens, and the low side takes it
     /// the rest of the way when the dead time is over; on the way up a diode keeps it down through the dead time.

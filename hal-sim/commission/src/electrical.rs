@@ -9,7 +9,8 @@
 //! ```
 //!
 //! `delta` is the angle by which the drive's idea of the rotor is behind it. `D` is the voltage that the phases lose to the dead time
-//! ([`lost_part`]). Its loss at large currents and the turning current are fitted. So are `R`, `L`,
+//! ([`DeadTime`]). A leg loses by the currents at its edges, which the ripple of a small inductance takes away from the sample. The loss at
+//! large currents and the turning current are fitted. So are `R`, `L`,
 //! `flux cos(delta)`, `flux sin(delta)` and the time `t` from the sample of a current to its loss. A loss that is taken as the same at all currents makes a resistance of its slope: 15 % of
 //! the mains board's. `C` is what the drive adds: all from `bridge.dead_time_fade_a` on, a part below. It acts one and a half PWM periods
 //! after its current was sampled, when the rotor has turned on by the angle `l`. Over whole turns the ripple of the flux, and offset and
@@ -21,7 +22,7 @@ use crate::{Bound, Failure};
 use anyhow::{Result, bail};
 use link::host::dialogue::Dialogue;
 use link::settings::{MotorSettings, PER_KRPM, Settings};
-use plant::leg::lost_part;
+use plant::leg::{DeadTime, Period};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -109,11 +110,18 @@ fn current_max(motor: &MotorSettings) -> f64 {
     motor.torque_max_nm / (motor.voltage_constant_v_rms_per_krpm / PER_KRPM)
 }
 
+/// The phases at one instant.
+#[derive(Clone)]
+struct PhaseSample {
+    /// Sine and cosine of the electrical angle.
+    angle: (f64, f64),
+    period: Period,
+}
+
 /// Whole turns at one speed and current.
 #[derive(Clone, Default)]
 struct Turns {
-    /// Sines and cosines of the electrical angle, and the phases' currents.
-    samples: Vec<((f64, f64), [f64; 3])>,
+    samples: Vec<PhaseSample>,
     current: [f64; 2],
     voltage: [f64; 2],
     /// Angle and time at the beginning and at the end.
@@ -121,10 +129,11 @@ struct Turns {
 }
 
 impl Turns {
-    fn take(&mut self, time: f64, motor: &MotorPoint) {
+    fn take(&mut self, time: f64, motor: &MotorPoint, measured: &Motor) {
         let [a, b] = motor.phases;
-        self.samples
-            .push((motor.electrical.sin_cos(), [a, b, -a - b]));
+        let (angle, amps) = (motor.electrical.sin_cos(), [a, b, -a - b]);
+        let period = measured.period(angle, motor.voltage, amps);
+        self.samples.push(PhaseSample { angle, period });
         for k in 0..2 {
             self.current[k] += motor.current[k];
             self.voltage[k] += motor.voltage[k];
@@ -144,11 +153,12 @@ impl Turns {
         sums.map(|sum| sum / self.samples.len().max(1) as f64)
     }
 
-    /// The mean along d and q of what each phase has by its current, power invariant.
-    fn of_phases(&self, part: impl Fn(f64) -> f64) -> [f64; 2] {
+    /// The mean along d and q of what the phases have by their sample, power invariant.
+    fn of_phases(&self, parts: impl Fn(&PhaseSample) -> [f64; 3]) -> [f64; 2] {
         let mut sums = [0.0; 2];
-        for ((sin, cos), phases) in &self.samples {
-            let [a, b, c] = phases.map(&part);
+        for sample in &self.samples {
+            let (sin, cos) = sample.angle;
+            let [a, b, c] = parts(sample);
             let alpha = (2.0 * a - b - c) / 6f64.sqrt();
             let beta = (b - c) / 2f64.sqrt();
             sums[0] += cos * alpha + sin * beta;
@@ -172,8 +182,7 @@ impl Station {
     fn of(turns: Turns, motor: &Motor) -> Self {
         let w = motor.pole_pairs * turns.speed();
         let [v_d, v_q] = turns.mean(turns.voltage);
-        let [c_d, c_q] =
-            turns.of_phases(|amps| motor.compensated_v * (amps / motor.full_a).clamp(-1.0, 1.0));
+        let [c_d, c_q] = turns.of_phases(|sample| motor.added(sample.period.amps));
         let turned = motor.lag_s * w;
         Self {
             w,
@@ -184,8 +193,10 @@ impl Station {
     }
 
     /// What the dead time takes, of that at large currents, and its part that grows with its delay.
-    fn lost(&self, turning_a: f64) -> [[f64; 2]; 2] {
-        let [d, q] = self.turns.of_phases(|amps| lost_part(amps / turning_a));
+    fn lost(&self, dead_time: DeadTime) -> [[f64; 2]; 2] {
+        let [d, q] = self
+            .turns
+            .of_phases(|sample| dead_time.lost_parts(&sample.period));
         [[d, q], [self.w * q, -self.w * d]]
     }
 
@@ -210,6 +221,10 @@ struct Motor {
     full_a: f64,
     /// From the sample to the middle of its effect, s.
     lag_s: f64,
+    bus_v: f64,
+    period_s: f64,
+    /// Inductance by the settings, H.
+    declared_h: f64,
     stations: Vec<Station>,
 }
 
@@ -217,23 +232,49 @@ struct Motor {
 type Winding = [Estimate; 6];
 
 impl Motor {
-    /// The fit where the turning current is known.
-    fn with_turning(&self, turning_a: f64) -> Option<Winding> {
+    /// Phase voltages that the drive adds for the dead time, V.
+    fn added(&self, amps: [f64; 3]) -> [f64; 3] {
+        amps.map(|amps| self.compensated_v * (amps / self.full_a).clamp(-1.0, 1.0))
+    }
+
+    /// The period of a steady voltage in the rotor's frame. The highest and the lowest duty lie symmetrically, as the drive has them.
+    fn period(&self, (sin, cos): (f64, f64), [d, q]: [f64; 2], amps: [f64; 3]) -> Period {
+        let (alpha, beta) = (cos * d - sin * q, sin * d + cos * q);
+        let [b, c] = [1.0, -1.0].map(|sign| sign * beta / 2f64.sqrt() - alpha / 6f64.sqrt());
+        let (phases, added) = ([alpha * (2f64 / 3.0).sqrt(), b, c], self.added(amps));
+        let legs = [0, 1, 2].map(|k| phases[k] + added[k]);
+        let [low, high] = [f64::min, f64::max].map(|of| legs.into_iter().fold(legs[0], of));
+        Period {
+            duties: legs.map(|leg| 0.5 + (leg - 0.5 * (low + high)) / self.bus_v),
+            amps,
+            balance: phases.map(|phase| phase / self.bus_v),
+        }
+    }
+
+    /// The fit where the shape of the loss is known.
+    fn with_loss(&self, dead_time: DeadTime) -> Option<Winding> {
         let mut fit = Fit::new(6, 1.0);
         for station in &self.stations {
-            station.add(&mut fit, &station.lost(turning_a), [0.0; 2]);
+            station.add(&mut fit, &station.lost(dead_time), [0.0; 2]);
         }
         fit.solve()?.try_into().ok()
     }
 
     /// A step of Gauss and Newton: all but the turning current is linear.
-    fn with_turning_near(&self, turning_a: f64, whole_v: f64) -> Option<(Winding, Estimate)> {
+    fn with_loss_near(&self, dead_time: DeadTime, whole_v: f64) -> Option<(Winding, Estimate)> {
         let mut fit = Fit::new(7, 1.0);
+        let turning_a = dead_time.turning_a;
         let step = 1e-3 * turning_a;
         for station in &self.stations {
-            let [above, below] = [step, -step].map(|step| station.lost(turning_a + step)[0]);
+            let [above, below] = [step, -step].map(|step| {
+                let turning_a = turning_a + step;
+                station.lost(DeadTime {
+                    turning_a,
+                    ..dead_time
+                })[0]
+            });
             let slope = [0, 1].map(|k| whole_v * (above[k] - below[k]) / (2.0 * step));
-            let [lost, late] = station.lost(turning_a);
+            let [lost, late] = station.lost(dead_time);
             let known = slope.map(|slope| -slope * turning_a);
             station.add(&mut fit, &[lost, late, slope], known);
         }
@@ -241,20 +282,43 @@ impl Motor {
         Some(([r, l, cosine, sine, whole, late], turning))
     }
 
-    /// The winding and the turning current, A; that is 0 if the currents do not tell it.
+    /// The winding and the turning current, A; that is 0 if the currents do not tell it. What is found of the dead time and of the
+    /// inductance shapes the loss by which they are found.
     fn fit(&self) -> Option<(Winding, Estimate)> {
+        let (mut inductance_h, mut whole_v) = (self.declared_h, self.compensated_v);
+        let mut found = self.shaped(inductance_h, whole_v)?;
+        for _ in 0..STEPS {
+            let before = inductance_h;
+            (inductance_h, whole_v) = (found.0[1].value, found.0[4].value.max(0.0));
+            if inductance_h <= 0.0 || (inductance_h - before).abs() < SMALL * before {
+                break;
+            }
+            found = self.shaped(inductance_h, whole_v)?;
+        }
+        Some(found)
+    }
+
+    /// The same by the loss that a dead time of that voltage has on that inductance.
+    fn shaped(&self, inductance_h: f64, whole_v: f64) -> Option<(Winding, Estimate)> {
+        let with = |turning_a| DeadTime {
+            part: whole_v / self.bus_v,
+            turning_a,
+            bus_a: self.bus_v * self.period_s / inductance_h,
+        };
         let samples = self
             .stations
             .iter()
             .flat_map(|station| &station.turns.samples);
-        let most = samples.fold(0.0, |most, (_, [a, ..])| f64::max(most, a.abs()));
+        let most = samples.fold(0.0, |most, sample| {
+            f64::max(most, sample.period.amps[0].abs())
+        });
         let [low, high] = [SMALL * most, TURNING_MAX * most];
         // The sentence of that setting asks for twice the turning current.
         let declared = (0.5 * self.full_a).clamp(low, high);
         let mut turning = declared;
-        let mut whole = self.with_turning(turning)?[4].value;
+        let mut whole = self.with_loss(with(turning))?[4].value;
         for _ in 0..STEPS {
-            let Some((winding, found)) = self.with_turning_near(turning, whole) else {
+            let Some((winding, found)) = self.with_loss_near(with(turning), whole) else {
                 break;
             };
             let before = turning;
@@ -267,9 +331,9 @@ impl Motor {
             }
         }
         // The declared one is taken then. It may be anything from none to twice that.
-        let mut winding = self.with_turning(declared)?;
-        let none = self.with_turning(low)?;
-        let twice = self.with_turning((2.0 * declared).min(high))?;
+        let mut winding = self.with_loss(with(declared))?;
+        let none = self.with_loss(with(low))?;
+        let twice = self.with_loss(with((2.0 * declared).min(high)))?;
         for (k, found) in winding.iter_mut().enumerate() {
             let half = 0.5 * (twice[k].value - none[k].value);
             found.plus_minus = found.plus_minus.hypot(half);
@@ -306,6 +370,9 @@ pub async fn measure<D: Dialogue>(
         compensated_v: settings.bridge.dead_time_ns * 1e-9 / period_s * session.bus_v(),
         full_a: settings.bridge.dead_time_fade_a,
         lag_s: 1.5 * period_s,
+        bus_v: session.bus_v(),
+        period_s,
+        declared_h: motor.inductance_line_to_line_mh / 2e3,
         stations: Vec::new(),
     });
     let mut bounds = motors.map(|motor| {
@@ -340,8 +407,8 @@ pub async fn measure<D: Dialogue>(
                 .hold(seconds, &mut |point| {
                     watch(point);
                     if point.time - *begun.get_or_insert(point.time) < seconds {
-                        for (turns, motor) in turns.iter_mut().zip(&point.motors) {
-                            turns.take(point.time, motor);
+                        for (k, turns) in turns.iter_mut().enumerate() {
+                            turns.take(point.time, &point.motors[k], &measured[k]);
                         }
                     }
                 })

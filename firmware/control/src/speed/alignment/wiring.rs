@@ -147,7 +147,7 @@ const fn changed(signs: [i32; 3], from: [usize; 3]) -> Pattern {
 const IN_PLACE: [usize; 3] = [0, 1, 2];
 
 /// What has a name.
-static PATTERNS: [(Option<Reason>, Pattern); 16] = [
+static PATTERNS: [(Option<Reason>, Pattern); 18] = [
     (None, RIGHT),
     (Some(Reason::SignA), changed([-1, 1, 1], IN_PLACE)),
     (Some(Reason::SignB), changed([1, -1, 1], IN_PLACE)),
@@ -158,6 +158,15 @@ static PATTERNS: [(Option<Reason>, Pattern); 16] = [
     (Some(Reason::ChannelsCa), changed([1, 1, 1], [2, 1, 0])),
     (Some(Reason::ChannelsRotated), changed([1, 1, 1], [1, 2, 0])),
     (Some(Reason::ChannelsRotated), changed([1, 1, 1], [2, 0, 1])),
+    // The same where the dead time takes much of a kick. Its compensation goes by the channels: it holds one phase of two at zero.
+    (
+        Some(Reason::ChannelsRotated),
+        [[-3, 0, 3], [3, -3, 0], [0, 3, -3]],
+    ),
+    (
+        Some(Reason::ChannelsRotated),
+        [[-3, 3, 0], [0, -3, 3], [3, 0, -3]],
+    ),
     (Some(Reason::DeadChannelA), changed([0, 1, 1], IN_PLACE)),
     (Some(Reason::DeadChannelB), changed([1, 0, 1], IN_PLACE)),
     (Some(Reason::DeadChannelC), changed([1, 1, 0], IN_PLACE)),
@@ -296,6 +305,33 @@ mod tests {
             [3200, -28_160, 24_960],
         ];
         assert_eq!(name(&response, Shunts::Two), Some(Reason::SignA));
+    }
+
+    /// Drawn machines without capacitance at their legs, on bridges that switch and on mean ones.
+    #[test]
+    fn rotated_channels_are_named_where_dead_time_holds_a_phase_at_zero() {
+        for response in [
+            [
+                [-24_320, -2560, 27_520],
+                [32_000, -32_640, -1280],
+                [-3840, 31_360, -30_720],
+            ],
+            [
+                [-25_600, 28_800, -3200],
+                [-640, -19_840, 17_920],
+                [20_480, 1280, -19_840],
+            ],
+            [
+                [-19_200, 1920, 18_560],
+                [28_800, -26_240, -1920],
+                [-1280, 27_520, -24_960],
+            ],
+        ] {
+            assert_eq!(
+                name(&response, Shunts::Three),
+                Some(Reason::ChannelsRotated)
+            );
+        }
     }
 
     #[test]
