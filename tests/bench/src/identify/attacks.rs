@@ -16,6 +16,8 @@ const RATE: f64 = 1000.0;
 const SUBSTEPS: usize = 4;
 /// Effects are this share of the Coulomb friction.
 const STRENGTH: f64 = 0.3;
+/// Share of the current's rms below which a smooth effect has no name.
+const SMOOTH: f64 = 0.01;
 
 /// How a record moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -379,6 +381,8 @@ struct Said {
     errors: [f64; 2],
     /// Up to which frequency, Hz.
     band_hz: f64,
+    /// Rms of the check record's current, A.
+    signal: f64,
 }
 
 fn said(records: [&Record; 2]) -> Said {
@@ -389,6 +393,7 @@ fn said(records: [&Record; 2]) -> Said {
         report,
         errors,
         band_hz: study.band_hz,
+        signal: study.signal_rms(1),
     }
 }
 
@@ -492,7 +497,8 @@ pub fn attacks(first: u64, rounds: u64, every: usize) -> (Attacks, Curves) {
             let [before, after] = said_of.errors;
             // What is not louder than the residual of a clean machine on the same way is not there to be found.
             let is_there = before > 1.2 * floor;
-            let is_left = after > 1.2 * floor;
+            let excess = |error: f64| (error * error - floor * floor).max(0.0);
+            let is_left = after > 1.2 * floor && excess(after).sqrt() > SMOOTH * said_of.signal;
             // A time between motion and current is a nuisance: said, it is not wrong.
             let summary = &said_of.report.summary;
             let is_allowed_for =
@@ -508,7 +514,6 @@ pub fn attacks(first: u64, rounds: u64, every: usize) -> (Attacks, Curves) {
                 attacks.clean[1] += usize::from(said_of.report.verdict == "nothing missing");
                 attacks.clean[2] += usize::from(!said_of.report.effects.is_empty());
             }
-            let excess = |error: f64| (error * error - floor * floor).max(0.0);
             if repeats && is_there {
                 curves.runs += 1;
                 halved += usize::from(excess(after) < 0.5 * excess(before));
