@@ -313,7 +313,8 @@ fn set_points() -> Vec<Asked> {
         (0, point(100, 90_000)),
         (0, point(125, 120_000)),
         (0, point(150, 120_000)),
-        (0, Command::Status),
+        // The stream moves then. Where it rests, one count of the scale decides between holding and running.
+        (70, Command::Status),
         (500, Command::Status),
         (0, point(175, 120_000)),
     ]
