@@ -147,7 +147,7 @@ impl Standing {
         (of_phase_a(duties) - self.resistance_part * amps[0]) / self.dead_time.part
     }
 
-    /// The least and the most of the closed form where the currents at the edges are off by up to `off`, A.
+    /// Minimum and maximum of the closed form where the currents at the edges are off by up to `off`, A.
     fn expected(&self, duties: [f64; 3], amps: [f64; 3], off: f64) -> [f64; 2] {
         [-off, off].map(|off| {
             let [a, b, c] = amps;

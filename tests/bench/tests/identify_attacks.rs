@@ -21,10 +21,11 @@ fn thin_records_are_told_what_to_record() {
     );
 }
 
-/// Encoders of 9,000 to 13,000 counts: their rounding is most of the acceleration above 30 Hz. At an even speed it is lines.
+/// Encoders of 9,000 to 13,000 counts: their rounding is most of the acceleration above 30 Hz. At an even speed it is lines. The second
+/// machine has 108,000 counts, and an order of less than 0.2 % of the current by chance.
 #[test]
 fn a_coarse_encoder_is_no_lag_of_the_current() {
-    let said = clean(&[0, 16_000, 21_000, 23_000, 38_000]);
+    let said = clean(&[0, 3_000, 16_000, 21_000, 23_000, 38_000]);
     for verdict in &said {
         assert_eq!(*verdict, ("nothing missing", 0), "{said:?}");
     }

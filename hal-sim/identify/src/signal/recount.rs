@@ -27,12 +27,9 @@ pub(crate) fn count_of(angle: &[f64]) -> Option<f64> {
     let at = (LEAST * changes.len() as f64) as usize;
     let count = *changes.select_nth_unstable_by(at, f64::total_cmp).1;
     let steps = angle.windows(2).map(|w| (w[1] - w[0]).abs() / count);
-    let told: Vec<f64> = steps.filter(|x| *x > 0.5 && *x < FEW).collect();
-    let whole = told
-        .iter()
-        .filter(|x| (*x - x.round()).abs() < NEAR)
-        .count();
-    let is_counted = told.len() >= CHANGES && whole as f64 >= MOST_STEPS * told.len() as f64;
+    let few: Vec<f64> = steps.filter(|x| *x > 0.5 && *x < FEW).collect();
+    let whole = few.iter().filter(|x| (*x - x.round()).abs() < NEAR).count();
+    let is_counted = few.len() >= CHANGES && whole as f64 >= MOST_STEPS * few.len() as f64;
     is_counted.then_some(count)
 }
 

@@ -503,7 +503,7 @@ pub fn attacks(first: u64, rounds: u64, every: usize) -> (Attacks, Curves) {
             let summary = &said_of.report.summary;
             let is_allowed_for =
                 matches!(kind, Kind::Delay(_) | Kind::Held) && summary.contains("is allowed for");
-            // A report that states the size of what is left says no more than that.
+            // A report that states the size of its residual claims no more than that.
             let is_said = is_allowed_for || summary.contains("Nothing is missing above that.");
             let wrong = kind != Kind::Clean && said_of.is_sure() && is_there && is_left && !is_said;
             attacks.runs += 1;

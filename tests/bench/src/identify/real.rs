@@ -83,7 +83,7 @@ fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report> 
     ))
 }
 
-/// All records in `folder`. Without that folder none, and standard error says so.
+/// All records in `folder`. Without that folder none, and standard error reports it.
 ///
 /// # Errors
 ///
