@@ -2,6 +2,7 @@
 
 use super::basis::At;
 use crate::digits::three;
+use crate::signal::quantile::quantile_of_sizes;
 use std::f64::consts::TAU;
 
 /// Smallest length, s; turns; speed classes. A record that goes up and down once passes 3 classes.
@@ -33,15 +34,7 @@ pub(crate) struct Excitation {
 impl Excitation {
     /// Of the rows of a record.
     pub(crate) fn new(rows: &[At], rate: f64) -> Self {
-        let mut speeds: Vec<f64> = rows.iter().map(|at| at.speed.abs()).collect();
-        speeds.sort_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            speeds
-                .get((share * speeds.len() as f64) as usize)
-                .copied()
-                .unwrap_or(0.0)
-        };
-        let top = quantile(0.95);
+        let top = quantile_of_sizes(rows.iter().map(|at| at.speed), 0.95);
         let mut classes = std::collections::BTreeMap::<(bool, i32), usize>::new();
         let mut moving = 0;
         for at in rows
@@ -62,7 +55,7 @@ impl Excitation {
         let least = SHARE * f64::from(moving);
         Excitation {
             seconds: rows.len() as f64 / rate,
-            turns: quantile_range(rows) / TAU,
+            turns: range(rows) / TAU,
             classes: classes
                 .values()
                 .filter(|count| **count as f64 >= least)
@@ -183,7 +176,8 @@ impl Ask {
     }
 }
 
-fn quantile_range(rows: &[At]) -> f64 {
+/// How far the angle goes, rad.
+fn range(rows: &[At]) -> f64 {
     let ends = |(low, high): (f64, f64), at: &At| (low.min(at.angle), high.max(at.angle));
     let (low, high) = rows.iter().fold((f64::MAX, f64::MIN), ends);
     (high - low).max(0.0)

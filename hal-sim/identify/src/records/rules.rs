@@ -15,6 +15,7 @@
 use super::LoadError;
 use super::data_quality::DataQuality;
 use super::mapping::Clock;
+use crate::signal::quantile::quantile;
 use std::ops::Range;
 
 /// What is done with a fault that a rule can mend.
@@ -302,17 +303,13 @@ fn pace(columns: &[Raw], timing: &Timing, quality: &mut DataQuality) -> Result<P
             clock: Clock::Even,
         });
     }
-    let mut steps: Vec<f64> = columns[0]
+    let steps: Vec<f64> = columns[0]
         .values
         .windows(2)
         .map(|pair| pair[1] - pair[0])
         .filter(|step| step.is_finite() && *step > 0.0)
         .collect();
-    let middle = steps.len() / 2;
-    let step = match steps.is_empty() {
-        true => None,
-        false => Some(*steps.select_nth_unstable_by(middle, f64::total_cmp).1),
-    };
+    let step = quantile(steps.iter().copied(), 0.5);
     if let (Some(declared), Some(step)) = (timing.rate, step)
         && (step * declared - 1.0).abs() > 0.05
         // Times that are rounded have a median step of their own.

@@ -1,5 +1,7 @@
 //! An angle's encoder by the angle alone: its counts, and what rounding to them does.
 
+use super::quantile::quantile;
+
 /// Where in a count a smooth motion is counted again: power over these is a mean over chance.
 pub(crate) const PHASES: [f64; 4] = [0.06, 0.31, 0.56, 0.81];
 /// Quantile of the changes of a step from row to row that is one count, and how many of them there must be.
@@ -20,12 +22,11 @@ pub(crate) fn count_of(angle: &[f64]) -> Option<f64> {
     let changes = angle.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs());
     let span = angle.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     // What the sum of two numbers rounds is no step.
-    let mut changes: Vec<f64> = changes.filter(|x| *x > 1e-12 * span).collect();
+    let changes: Vec<f64> = changes.filter(|x| *x > 1e-12 * span).collect();
     if changes.len() < CHANGES {
         return None;
     }
-    let at = (LEAST * changes.len() as f64) as usize;
-    let count = *changes.select_nth_unstable_by(at, f64::total_cmp).1;
+    let count = quantile(changes, LEAST)?;
     let steps = angle.windows(2).map(|w| (w[1] - w[0]).abs() / count);
     let few: Vec<f64> = steps.filter(|x| *x > 0.5 && *x < FEW).collect();
     let whole = few.iter().filter(|x| (*x - x.round()).abs() < NEAR).count();

@@ -8,7 +8,7 @@
 //! the smooth motion, which the speeds show.
 
 use crate::signal::fourier::Fourier;
-use crate::signal::quantile::quantile;
+use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::recount::{PHASES, saw_tooth};
 use std::f64::consts::{PI, TAU};
 
@@ -30,7 +30,8 @@ const EVEN_HZ: f64 = 20.0;
 pub(crate) fn density(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> Vec<f64> {
     let even = fourier.low_pass(omega, EVEN_HZ);
     let ripple: Vec<f64> = omega.iter().zip(&even).map(|(w, e)| w - e).collect();
-    let half_width = LINE_HZ + f64::from(counts) * quantile(&ripple, 1, 2) / TAU;
+    let half_width =
+        LINE_HZ + f64::from(counts) * quantile_of_sizes(ripple.iter().copied(), 0.5) / TAU;
     let by_speed = by_speed(&even, rate, counts, fourier, half_width);
     let counted = counted_again(omega, rate, counts, fourier);
     let pairs = by_speed.iter().zip(&counted);

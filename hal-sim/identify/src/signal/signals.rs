@@ -4,7 +4,7 @@ use crate::machines::Machine;
 use crate::signal::along::Along;
 use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
-use crate::signal::quantile::quantile;
+use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::rounding;
 use plant::Axis;
 use plant::model::{Model, SensingModel};
@@ -193,10 +193,10 @@ impl MotorSignals {
             angle_rounding,
             acceleration_told,
             reference_step,
-            peak_a: quantile(&i_q, 999, 1000),
+            peak_a: quantile_of_sizes(i_q.iter().copied(), 0.999),
             i_q_rms: mean_square(&i_q_smooth).sqrt(),
             u_rms: (mean_square(&record.ud_v) + mean_square(&record.uq_v)).sqrt(),
-            slow_speed: quantile(&omega, 1, 5),
+            slow_speed: quantile_of_sizes(omega.iter().copied(), 0.2),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),
             acceleration,

@@ -7,6 +7,7 @@ use crate::signal::filter::butterworth_100;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
+use rayon::prelude::*;
 
 /// Rows that are left out at either end.
 pub(super) const MARGIN: usize = 100;
@@ -118,30 +119,12 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let here = &self.errors(&self.parameters);
-        let column = &|k: usize| {
+        let column = |k: usize| {
             let (beside, step) = beside(self.parameters.as_slice(), k);
             (self.errors(&DVector::from_vec(beside)) - here) / step
         };
-        let count = self.parameters.len();
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(count));
-        let columns = std::thread::scope(|scope| {
-            let work: Vec<_> = (0..threads)
-                .map(|first| {
-                    scope.spawn(move || {
-                        let own = (first..count).step_by(threads);
-                        own.map(|k| (k, column(k))).collect::<Vec<_>>()
-                    })
-                })
-                .collect();
-            work.into_iter()
-                .flat_map(|thread| thread.join().expect("a simulation does not panic"))
-                .collect::<Vec<_>>()
-        });
-        let mut jacobian = DMatrix::zeros(here.len(), count);
-        for (k, values) in columns {
-            jacobian.set_column(k, &values);
-        }
-        Some(jacobian)
+        let columns = (0..self.parameters.len()).into_par_iter().map(column);
+        Some(DMatrix::from_columns(&columns.collect::<Vec<_>>()))
     }
 }
 

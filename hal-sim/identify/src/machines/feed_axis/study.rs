@@ -135,10 +135,7 @@ fn inverse(axis: &Axis, record: &Record) -> f64 {
         .zip(&acceleration)
         .map(|(v, a)| mass * a + viscous * v + coulomb * v.signum() + offset)
         .collect();
-    let (model, force) = (
-        decimated(&model, record.rate),
-        decimated(&record.force(), record.rate),
-    );
+    let (model, force) = (decimated(&model), decimated(&record.force()));
     100.0 * rms(model.iter().zip(&force).map(|(m, f)| m - f)) / rms(force.iter().copied())
 }
 

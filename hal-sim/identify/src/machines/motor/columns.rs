@@ -7,11 +7,14 @@ use crate::predict::basis::At;
 use crate::regression::column::Column;
 use crate::regression::inverse::of_gram;
 use crate::regression::normal::{Normal, Prior};
-use crate::signal::filter::{butterworth, second_derivative};
+use crate::signal::filter::{ZeroPhase, butterworth, butterworth_gain, second_derivative};
 use crate::signal::fourier::slope;
 use crate::signal::noise::white_noise;
+use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::recount::{PHASES, count_of, saw_tooth};
+use fft::Complex64;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// The part that is left out at a record's start, s, in which the speed is not yet reached, and at its end.
@@ -42,6 +45,8 @@ const LEAST_ROWS: usize = 16;
 const WIDER: f64 = 1.6;
 const WIDEST: f64 = 0.2;
 const MOST_WIDTHS: usize = 16;
+/// Orders whose waves are made one from the other, on one thread.
+const SUCCESSIVE: usize = 8;
 /// Gain of the filter down to which an order shows.
 const LEAST_GAIN: f64 = 0.1;
 
@@ -79,9 +84,13 @@ struct Stretch {
     hz: f64,
     step: usize,
     rows: std::ops::Range<usize>,
+    /// The filter of both sides, at the rows that are kept.
+    filter: ZeroPhase,
     /// Rows that count.
     open: Vec<bool>,
     position: Vec<f64>,
+    /// Cosine and sine of the angle.
+    turned: Vec<Complex64>,
     velocity: Vec<f64>,
     acceleration: Vec<f64>,
     /// Bandwidth of the acceleration, Hz.
@@ -101,16 +110,6 @@ pub(super) struct Columns {
     width: f64,
 }
 
-/// The value that a share of the sizes is below.
-fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let at = (share * (sizes.len() - 1) as f64) as usize;
-    *sizes.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
 /// Accelerations that rounding to counts shows of an angle's smooth motion, each with another part of a count at its start,
 /// rad/s^2.
 fn rounded(angle: &[f64], rate: f64, hz: f64) -> Vec<Vec<f64>> {
@@ -125,6 +124,17 @@ fn rounded(angle: &[f64], rate: f64, hz: f64) -> Vec<Vec<f64>> {
     PHASES.map(again).into()
 }
 
+/// A signal behind a first-order filter with a time constant of `rows`, at rest at its first value before.
+fn lagged(values: &[f64], rows: f64) -> Vec<f64> {
+    let keep = (-1.0 / rows).exp();
+    let mut last = values[0];
+    let step = |x: &f64| {
+        last = keep * last + (1.0 - keep) * x;
+        last
+    };
+    values.iter().map(step).collect()
+}
+
 /// A signal later by `rows`, by straight lines; its first value is held before it.
 fn delayed(values: &[f64], rows: f64) -> Vec<f64> {
     let at = |row: usize| {
@@ -134,6 +144,12 @@ fn delayed(values: &[f64], rows: f64) -> Vec<f64> {
         values[k] + share * (next - values[k])
     };
     (0..values.len()).map(at).collect()
+}
+
+/// Cosine and sine of an order of an angle.
+fn phasors(angle: &[f64], order: u32) -> Vec<Complex64> {
+    let phasor = |x: &f64| Complex64::cis(f64::from(order) * x);
+    angle.iter().map(phasor).collect()
 }
 
 impl Stretch {
@@ -146,19 +162,23 @@ impl Stretch {
         let velocity = slope(&butterworth(&record.position, rate, hz), rate);
         let slow = butterworth(&record.position, rate, SLOW_HZ.min(hz));
         let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
-        let rows = record.position.len();
+        let length = record.position.len();
+        let rows = from.min(length)..length.saturating_sub(to).max(from.min(length));
+        let step = ((rate / (ROWS_OF_BAND * hz)) as usize).max(1);
         Stretch {
             rate,
             hz,
-            step: ((rate / (ROWS_OF_BAND * hz)) as usize).max(1),
-            rows: from.min(rows)..rows.saturating_sub(to).max(from.min(rows)),
-            open: vec![true; rows],
+            step,
+            filter: ZeroPhase::new(length, rows.clone(), step, butterworth_gain(hz / rate)),
+            rows,
+            open: vec![true; length],
             acceleration: second_derivative(&record.position, rate),
             acceleration_hz: hz,
             angle_density: white_noise(&record.position).powi(2) * 2.0 / rate,
             rounded: rounded(&record.position, rate, hz),
             slow: slope(&slow, rate),
             velocity,
+            turned: phasors(&position, 1),
             position,
             current: butterworth(&record.current, rate, hz),
         }
@@ -210,33 +230,47 @@ impl Stretch {
 
     /// Rows that are kept; 0 where they do not count.
     fn cut(&self, values: &[f64]) -> Vec<f64> {
-        let mut cut = self.kept(values);
-        let open = self.kept(&self.open);
-        let closed = cut.iter_mut().zip(open).filter(|(_, open)| !open);
+        self.counting(self.kept(values))
+    }
+
+    /// Of the rows that are kept: 0 where they do not count.
+    fn counting(&self, mut kept: Vec<f64>) -> Vec<f64> {
+        let closed = kept.iter_mut().zip(self.kept(&self.open));
+        let closed = closed.filter(|(_, open)| !open);
         closed.for_each(|(value, _)| *value = 0.0);
-        cut
+        kept
     }
 
     /// Behind a first-order filter with the time constant `lag_s`, or, where that is below 0, later by as much; and through the
     /// common filter.
     fn reported(&self, values: &[f64], lag_s: f64) -> Vec<f64> {
-        if lag_s == 0.0 {
-            return self.cut(&butterworth(values, self.rate, self.hz));
-        }
-        if lag_s < 0.0 {
-            let late = delayed(values, -lag_s * self.rate);
-            return self.cut(&butterworth(&late, self.rate, self.hz));
-        }
-        let keep = (-1.0 / (self.rate * lag_s)).exp();
-        let mut last = values[0];
-        let late: Vec<f64> = values
-            .iter()
-            .map(|x| {
-                last = keep * last + (1.0 - keep) * x;
-                last
+        let shown = match lag_s {
+            0.0 => self.filter.of(values),
+            late if late < 0.0 => self.filter.of(&delayed(values, -late * self.rate)),
+            late => self.filter.of(&lagged(values, late * self.rate)),
+        };
+        self.counting(shown)
+    }
+
+    /// Cosine and sine of each of some orders of the turn.
+    fn waves(&self, orders: &[u32], lag_s: f64) -> Vec<[Vec<f64>; 2]> {
+        let mut turned = vec![Complex64::ONE; self.turned.len()];
+        let mut last = 0;
+        let wave = |order: &u32| {
+            match order.checked_sub(last) {
+                Some(1) => turned
+                    .iter_mut()
+                    .zip(&self.turned)
+                    .for_each(|(x, once)| *x *= once),
+                _ => turned = phasors(&self.position, *order),
+            }
+            last = *order;
+            [|x: &Complex64| x.re, |x: &Complex64| x.im].map(|part| {
+                let values: Vec<f64> = turned.iter().map(part).collect();
+                self.reported(&values, lag_s)
             })
-            .collect();
-        self.cut(&butterworth(&late, self.rate, self.hz))
+        };
+        orders.iter().map(wave).collect()
     }
 
     /// A regressor, with friction that changes its sign over `width`, rad/s.
@@ -356,17 +390,30 @@ impl Columns {
         self.all(|own| own.kept(&own.at(self.width)))
     }
 
-    /// A function of where the motor is, as the current shows it.
-    pub(super) fn shown(&self, lag_s: f64, of: impl Fn(&At) -> f64) -> Vec<f64> {
-        self.all(|own| {
-            let values: Vec<f64> = own.at(self.width).iter().map(&of).collect();
+    /// Where the motor is in all rows, stretch by stretch.
+    pub(super) fn everywhere(&self) -> Vec<Vec<At>> {
+        let of = |own: &Stretch| own.at(self.width);
+        self.stretches.iter().map(of).collect()
+    }
+
+    /// A function of where the motor is in all rows, as the current shows it.
+    pub(super) fn shown(
+        &self,
+        everywhere: &[Vec<At>],
+        lag_s: f64,
+        of: impl Fn(&At) -> f64,
+    ) -> Vec<f64> {
+        let pairs = self.stretches.iter().zip(everywhere);
+        let shown = pairs.flat_map(|(own, at)| {
+            let values: Vec<f64> = at.iter().map(&of).collect();
             own.reported(&values, lag_s)
-        })
+        });
+        shown.collect()
     }
 
     /// Speeds over which friction may change its sign: from the speed's noise to a fifth of the top speed.
     pub(super) fn widths(&self) -> Vec<f64> {
-        let top = quantile(self.moving(), 0.95);
+        let top = quantile_of_sizes(self.moving(), 0.95);
         let widths = std::iter::successors(Some(self.width), |width| Some(WIDER * width));
         widths
             .take_while(|width| *width < WIDEST * top)
@@ -438,7 +485,7 @@ impl Columns {
 
     /// The median speed, rad/s.
     fn median_speed(&self) -> f64 {
-        quantile(self.moving(), 0.5)
+        quantile_of_sizes(self.moving(), 0.5)
     }
 
     /// Which kinds of friction the record tells from inertia and a constant current, and which not, with the reason.
@@ -473,7 +520,7 @@ impl Columns {
     /// The highest whole order that the filter leaves where the motor turns slowest, on enough of the rows.
     pub(super) fn highest_order(&self) -> u32 {
         let rests = RESTS * self.median_speed();
-        let slowest = quantile(self.moving().filter(|w| w.abs() > rests), SHOWN);
+        let slowest = quantile_of_sizes(self.moving().filter(|w| w.abs() > rests), SHOWN);
         let hz = self.stretches.first().map_or(0.0, |own| own.hz)
             * (LEAST_GAIN.recip() - 1.0).powf(0.125);
         (TAU * hz / slowest.max(1e-9)).min(1e6) as u32
@@ -493,19 +540,19 @@ impl Columns {
         self.all(|own| own.base(base, lag_s, self.width))
     }
 
-    /// Cosine and sine of an order of the turn.
-    pub(super) fn wave(&self, order: u32, lag_s: f64) -> [Vec<f64>; 2] {
-        let wave = |of: fn(f64) -> f64| {
-            self.all(|own| {
-                let values: Vec<f64> = own
-                    .position
-                    .iter()
-                    .map(|p| of(f64::from(order) * p))
-                    .collect();
-                own.reported(&values, lag_s)
-            })
+    /// Cosine and sine of each of some orders of the turn.
+    pub(super) fn waves(&self, orders: &[u32], lag_s: f64) -> Vec<[Vec<f64>; 2]> {
+        let of = |orders: &[u32]| {
+            let mut all = vec![[const { Vec::new() }; 2]; orders.len()];
+            for own in &self.stretches {
+                let waves = own.waves(orders, lag_s);
+                for (all, wave) in all.iter_mut().flatten().zip(waves.into_iter().flatten()) {
+                    all.extend(wave);
+                }
+            }
+            all
         };
-        [wave(f64::cos), wave(f64::sin)]
+        orders.par_chunks(SUCCESSIVE).flat_map_iter(of).collect()
     }
 
     /// A wave's derivative by its order, about the record's middle: what is linear in the angle is then not the phase once

@@ -37,7 +37,7 @@ impl Both {
     pub(super) fn new(records: [&Columns; 2], base: &[Base], orders: &[u32], lag_s: f64) -> Self {
         let columns = records.map(|record| {
             let plain = base.iter().map(|base| record.base(*base, lag_s));
-            let waves = orders.iter().flat_map(|order| record.wave(*order, lag_s));
+            let waves = record.waves(orders, lag_s).into_iter().flatten();
             plain.chain(waves).map(Column::alone).collect::<Vec<_>>()
         });
         Both {

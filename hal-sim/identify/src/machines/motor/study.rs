@@ -177,13 +177,16 @@ fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_
         .min()
         .unwrap_or(0);
     let further = loudest_orders(&sides[0], highest);
+    let everywhere = records.map(Columns::everywhere);
     let named = |along| matches!(along, Along::Order(order) if orders.iter().any(|known| f64::from(*known) == order));
     judge(
         [&sides[0], &sides[1]],
         highest,
         &further,
         |along| !named(along),
-        |k, group, function| records[k].shown(lag_s, |at| group.value(function, at)),
+        |k, group, function| {
+            records[k].shown(&everywhere[k], lag_s, |at| group.value(function, at))
+        },
     )
 }
 

@@ -1,6 +1,7 @@
 //! Whether an angle steps by the counts that the model has of its encoder.
 
 use super::{Finding, Limits};
+use crate::signal::quantile::quantile;
 use std::f64::consts::TAU;
 
 /// Size of the steps that stand alone, rad: the angle holds one value in two rows, and another in the next two. `None` where
@@ -9,12 +10,11 @@ fn lone_step(angle: &[f64], least: usize) -> Option<f64> {
     let lone = angle
         .windows(4)
         .filter(|w| w[0] == w[1] && w[1] != w[2] && w[2] == w[3]);
-    let mut steps: Vec<f64> = lone.map(|w| (w[2] - w[1]).abs()).collect();
-    if steps.len() < least {
-        return None;
+    let steps: Vec<f64> = lone.map(|w| (w[2] - w[1]).abs()).collect();
+    match steps.len() < least {
+        true => None,
+        false => quantile(steps, 0.5),
     }
-    let middle = steps.len() / 2;
-    Some(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// An angle whose encoder is coarser than `counts` a turn, which the model has as `setting`.
