@@ -4,10 +4,12 @@
 //! with the square of the frequency. Where that noise is most of the residual, the band of both sides becomes narrower. An
 //! acceleration that alone is narrower than the current looks like a lag.
 
-use super::columns::{Base, Columns, LEAST_HZ, NARROWER};
+use super::base::Base;
+use super::columns::Columns;
 use super::fit::{Both, rms};
 use super::record::Record;
 use super::search::Candidates;
+use super::stretch::{LEAST_HZ, NARROWER};
 use crate::signal::noise::white_noise;
 
 /// Widest band, Hz, and in the rows' rate where that is slow.
@@ -17,14 +19,12 @@ const WIDEST_OF_RATE: f64 = 0.4;
 const MOST_OF_RESIDUAL: f64 = 0.5;
 /// Noise that counts as nothing, in the current's rms.
 const NOTHING: f64 = 0.001;
-/// What every motor may have.
-const BASE: [Base; 4] = [Base::Inertia, Base::Offset, Base::Coulomb, Base::Viscous];
 
 /// Inertia over torque constant, A s^2/rad, in a band in which the acceleration is not noise.
 fn inertia(records: &[Record], widest: f64) -> f64 {
     let hz = Columns::new(records, widest).quiet().acceleration_hz();
     let columns = Columns::new(records, hz.min(widest));
-    let fit = Both::new([&columns, &columns], &BASE, &[], 0.0).fit(Vec::new());
+    let fit = Both::new([&columns, &columns], &Base::ALL, &[], 0.0).fit(Vec::new());
     fit.0.values[0].abs()
 }
 
@@ -33,7 +33,7 @@ fn is_quiet(columns: &Columns, inertia: f64) -> bool {
     let of_angle = inertia * columns.acceleration_noise();
     let both = [columns, columns];
     let orders = Candidates::new(both, None).lowest;
-    let [residual, _] = Both::new(both, &BASE, &orders, 0.0).squares();
+    let [residual, _] = Both::new(both, &Base::ALL, &orders, 0.0).squares();
     of_angle <= (MOST_OF_RESIDUAL * residual.sqrt()).max(NOTHING * rms(&columns.current()))
 }
 

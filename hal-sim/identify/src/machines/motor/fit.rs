@@ -1,6 +1,7 @@
 //! The regression of both records' current on its base and given orders, under a given lag.
 
-use super::columns::{Base, Columns};
+use super::base::Base;
+use super::columns::Columns;
 use crate::effects::limits::FEEDS_IN;
 use crate::regression::column::Column;
 use crate::regression::normal::Prior;

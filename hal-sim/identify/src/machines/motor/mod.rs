@@ -2,15 +2,17 @@
 //! is reported; and how much of the current they explain on a record that they were not fitted to.
 
 mod band;
+mod base;
 mod columns;
 mod fit;
 mod left;
 mod orders;
 mod record;
 mod search;
+mod stretch;
 mod study;
 
-pub use columns::Base;
+pub use base::Base;
 pub use orders::Order;
 pub use record::{MotorModel, Record};
 

@@ -1,6 +1,7 @@
 //! The search for what a motor's current has beyond its inertia: frictions, a lag, and orders of the turn.
 
-use super::columns::{Base, Columns};
+use super::base::Base;
+use super::columns::Columns;
 use super::fit::{Both, rms};
 use super::orders::of_map;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};

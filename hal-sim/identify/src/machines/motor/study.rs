@@ -2,7 +2,8 @@
 //! regression, covariance and criterion of all machines on one channel.
 
 use super::band::{band_hz, noise};
-use super::columns::{Base, Columns};
+use super::base::Base;
+use super::columns::Columns;
 use super::fit::{Both, Fit, rms};
 use super::left::remnants;
 use super::orders::Order;
@@ -121,8 +122,7 @@ fn widen(fitted: &mut Columns, other: &mut Columns) -> f64 {
     let mut best = (f64::INFINITY, narrow.first().copied().unwrap_or(1e-9));
     for width in narrow {
         fitted.set_width(width);
-        let base = [Base::Inertia, Base::Offset, Base::Coulomb, Base::Viscous];
-        let both = Both::new([fitted, fitted], &base, &[], 0.0);
+        let both = Both::new([fitted, fitted], &Base::ALL, &[], 0.0);
         let square = both.squares()[0];
         // A wider one must be worth it.
         if square < (1.0 - LEAST_WIDTH) * best.0 {
