@@ -21,7 +21,7 @@ use crate::signal::noise::declared_resonance_hz;
 use crate::signal::signals::{Signals, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
-use plant::effects::{EffectModel, Place};
+use plant::effects::{EffectModel, Place, Term};
 use plant::model::Model;
 use std::f64::consts::TAU;
 
@@ -280,13 +280,18 @@ impl<'a> Balance<'a> {
 
     /// What an effect at its place would add to the residuals of a machine that has it.
     pub fn effect(&self, effect: &EffectModel) -> Contribution {
+        self.terms(effect.place(), &effect.effect().terms())
+    }
+
+    /// The same of terms at a place.
+    pub(crate) fn terms(&self, place: Place, terms: &[Term]) -> Contribution {
         let mut sum = Contribution::default();
-        for term in effect.effect().terms() {
-            match effect.place() {
-                Place::Feed => self.feed_term(&term, &mut sum),
+        for term in terms {
+            match place {
+                Place::Feed => self.feed_term(term, &mut sum),
                 place => {
                     for axis in Axis::ALL.into_iter().filter(|&axis| place.has(axis)) {
-                        self.motor_term(axis, &term, &mut sum);
+                        self.motor_term(axis, term, &mut sum);
                     }
                 }
             }

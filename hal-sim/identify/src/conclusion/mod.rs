@@ -9,6 +9,7 @@ pub(crate) mod recalibrated;
 pub(crate) mod remains;
 pub mod rest;
 pub mod said;
+mod steps;
 pub(crate) mod unexplained;
 pub mod verdict;
 
@@ -20,6 +21,7 @@ use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
+use crate::conclusion::steps::step_beyond;
 use crate::conclusion::unexplained::{Left, along, unexplained};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
@@ -51,7 +53,8 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             .map(|found| (found, NOT_BORNE_OUT))
             .or_else(|| Some((likeness(&outcome)?, MORE_IS_LEFT)))
             .or_else(|| Some((shadow(&outcome)?, OF_PLATE_VALUES)))
-            .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)));
+            .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)))
+            .or_else(|| Some((stepping(&outcome)?, ANOTHER_LAW)));
         match unsound {
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);
@@ -153,6 +156,12 @@ fn misfit(outcome: &Outcome) -> Option<&Found> {
     })
 }
 
+/// A drift of which the records rather have a step.
+fn stepping(outcome: &Outcome) -> Option<&Found> {
+    let mut effects = outcome.effects.iter();
+    effects.find(|found| found.step_beyond > outcome.threshold)
+}
+
 /// Whether an effect differs along a coordinate and does not repeat.
 fn is_curve(found: &Found) -> bool {
     along(&found.hypothesis).is_some_and(|along| !along.repeats())
@@ -216,6 +225,7 @@ impl Weighing<'_> {
         let mut without = self.beside_others(fit, k);
         let without_solution = without.normal.solve(None);
         let falls = without.fall_by_channel(hypothesis);
+        let step_of_fit = step_beyond(&mut without, hypothesis);
         let fall = without.normal.cost(&without_solution.values)
             - self.search.normal.cost(&self.solution.values);
         let first = without.normal.len();
@@ -224,10 +234,14 @@ impl Weighing<'_> {
         let effect = self.in_model(hypothesis, &refined);
         let mut beside = self.beside_others(check, k);
         let check_fall = beside.fall_at(hypothesis, &values);
+        let step_of_check = step_beyond(&mut beside, hypothesis);
         let found = effect.map(|effect| Found {
             hypothesis: *hypothesis,
             shows: most_shown(&falls),
             check_fall,
+            step_beyond: step_of_fit
+                .zip(step_of_check)
+                .map_or(0.0, |(fit, check)| fit + check),
             values,
             covariance,
             shape_sigma,
