@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tests::bench::cargo_on_firmware;
 
-/// A copy of the workspace's sources, to spoil.
+/// A copy of the workspace's sources, to spoil. It lies in the workspace's target folder, so cargo finds `.cargo` above it. A second one
+/// would double the flags, and all dependencies would be checked again.
 struct Copied(PathBuf);
 
 impl Copied {
@@ -17,7 +18,6 @@ impl Copied {
             "Cargo.toml",
             "Cargo.lock",
             "memory.x",
-            ".cargo",
             "firmware",
             "hal-sim",
             "tests",
