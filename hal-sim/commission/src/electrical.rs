@@ -50,8 +50,8 @@ const SMALL: f64 = 1e-4;
 /// The largest turning current, of the largest amplitude: past it no loss is whole.
 const TURNING_MAX: f64 = 0.8;
 
-/// Largest half interval of a turning current that is told from none, of the current. Legs without capacitance gave one whose half interval
-/// was 0.45 of it.
+/// Largest half interval, as a share of the current, at which a turning current counts as measured. Legs without capacitance gave
+/// 0.45.
 const CLEAR: f64 = 1.0 / 3.0;
 
 /// Smallest current of full compensation, of the currents' noise at rest: a smaller one would be switched by the noise.

@@ -4,37 +4,45 @@ use crate::effects::hypothesis::Hypothesis;
 use crate::search::select::Search;
 use plant::effects::{Coordinate, Law, Term};
 
-/// Parts of a run at whose ends a step is tried.
+/// Parts of a run: a step is tried at each end of one, and a ramp from the start to the ends of the later three quarters.
 const PARTS: usize = 16;
+const SHORTEST_RAMP: usize = 4;
 
-/// By how much more a step at some time lowers a record's sum of squares than a drift does, each in its best size. `None` for an
-/// effect that is no drift.
+/// By how much more a step at some time lowers a record's sum of squares than a ramp does, each in its best size, and what the
+/// best ramp lowers. `None` for an effect that is no drift.
 ///
 /// A ramp explains three quarters of a step in a run's middle. A step explains three quarters of a ramp, and less of a value that
 /// rises as `1 - exp(-t)`.
-pub(super) fn step_beyond(search: &mut Search, hypothesis: &Hypothesis) -> Option<f64> {
+pub(super) fn step_and_ramp(search: &mut Search, hypothesis: &Hypothesis) -> Option<[f64; 2]> {
     let run_s = search.run_s();
     let unit = hypothesis.units(search.balance.model, run_s).pop()?;
     let is_drift =
         |term: &Term| term.coordinate == Coordinate::Time && matches!(term.law, Law::Ramp { .. });
     let drift = unit.effect().terms().into_iter().find(is_drift)?;
     let solution = search.normal.solve(None);
-    let columns = search.columns(hypothesis);
-    let of_drift = search.normal.gain(&columns, &solution).fall;
-    let at = |first: usize| {
-        let values = (0..=PARTS).map(|k| f64::from(u8::from(k >= first)));
-        let law = Law::Table {
-            range: [0.0, run_s],
-            repeats: false,
-            values: values.collect(),
-        };
+    let fall = |law: Law| {
         let term = Term {
             law,
             ..drift.clone()
         };
-        let step = search.balance.terms(unit.place(), &[term]);
-        let column = search.whitener.column(&step);
+        let change = search.balance.terms(unit.place(), &[term]);
+        let column = search.whitener.column(&change);
         search.normal.gain(&[column], &solution).fall
     };
-    Some((1..PARTS).map(at).fold(0.0, f64::max) - of_drift)
+    let ramp = |parts: usize| Law::Ramp {
+        value: 1.0,
+        duration: run_s * parts as f64 / PARTS as f64,
+    };
+    let step = |first: usize| {
+        let values = (0..=PARTS).map(|k| f64::from(u8::from(k >= first)));
+        Law::Table {
+            range: [0.0, run_s],
+            repeats: false,
+            values: values.collect(),
+        }
+    };
+    let best = |falls: &mut dyn Iterator<Item = f64>| falls.fold(0.0, f64::max);
+    let ramp = best(&mut (SHORTEST_RAMP..=PARTS).map(|parts| fall(ramp(parts))));
+    let step = best(&mut (1..PARTS).map(|first| fall(step(first))));
+    Some([step - ramp, ramp])
 }

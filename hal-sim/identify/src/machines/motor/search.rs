@@ -10,6 +10,7 @@ use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
 use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, TOO_LITTLE, VOUCHED_OF_CURRENT};
 use crate::signal::noise::SHARE_OF_DRIVE;
+use rayon::prelude::*;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
 const HIGHEST: u32 = 130;
@@ -52,7 +53,8 @@ pub(super) fn lags(rate: f64) -> Vec<f64> {
 /// The lag with which inertia, friction and orders, fitted together, predict the check record best.
 fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) -> f64 {
     let square = |lag_s: f64| Both::new(records, base, orders, lag_s).squares()[1];
-    let tried: Vec<(f64, f64)> = lags_s.iter().map(|lag| (square(*lag), *lag)).collect();
+    let tried = lags_s.par_iter().map(|lag| (square(*lag), *lag));
+    let tried: Vec<(f64, f64)> = tried.collect();
     let best = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0));
     match best {
         Some((least, lag_s)) if *least < (1.0 - LEAST_LAG) * tried[0].0 => *lag_s,

@@ -18,6 +18,7 @@ use crate::predict::orders::loudest_orders;
 use crate::predict::side::{Known, Side};
 use crate::regression::column::{Column, counted};
 use crate::signal::fourier::slope;
+use rayon::prelude::*;
 
 /// A named lag in rows of the record; delays beside which it is held, in lags; share of their squares that it must leave.
 const LAG_ROWS: f64 = 3.0;
@@ -111,8 +112,13 @@ fn is_lag(
         return false;
     }
     let square = |late: f64| Both::new(records, base, orders, late).squares()[0];
-    let rivals = DELAYS_OF_LAG.map(|share| square(-share * value));
-    square(value) < RIVAL * rivals.into_iter().fold(f64::INFINITY, f64::min)
+    let rivals = DELAYS_OF_LAG.par_iter().map(|share| square(-share * value));
+    square(value)
+        < RIVAL
+            * rivals
+                .collect::<Vec<_>>()
+                .into_iter()
+                .fold(f64::INFINITY, f64::min)
 }
 
 /// The width of the friction with which inertia, friction and offset leave the smallest residual of the fit record, rad/s; both records get
