@@ -8,6 +8,7 @@ use crate::regression::normal::Prior;
 use crate::regression::sandwich::robust;
 use crate::search::holdout::{Holdout, Validated};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 /// A fitted current and what it leaves, on the filtered records.
 #[derive(Debug, Clone)]
@@ -37,9 +38,11 @@ pub(super) struct Both {
 impl Both {
     pub(super) fn new(records: [&Columns; 2], base: &[Base], orders: &[u32], lag_s: f64) -> Self {
         let columns = records.map(|record| {
-            let plain = base.iter().map(|base| record.base(*base, lag_s));
+            let plain = base.par_iter().map(|base| record.base(*base, lag_s));
+            let plain: Vec<_> = plain.collect();
             let waves = record.waves(orders, lag_s).into_iter().flatten();
-            plain.chain(waves).map(Column::alone).collect::<Vec<_>>()
+            let all = plain.into_iter().chain(waves);
+            all.map(Column::alone).collect::<Vec<_>>()
         });
         Both {
             columns,

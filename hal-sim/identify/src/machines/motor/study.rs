@@ -297,7 +297,8 @@ impl Study {
     pub fn below(hz: f64, [estimate, check]: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
         let rate = estimate.first().map_or(1.0, |first| first.rate);
         let lags_s = lags(rate);
-        let mut sides = [estimate, check].map(|records| Columns::new(records, hz).quiet());
+        let of = |records| Columns::new(records, hz).quiet();
+        let mut sides: [Columns; 2] = rayon::join(|| of(estimate), || of(check)).into();
         // Of inertia alone: records at other speeds are what friction and orders are checked by.
         let [fitted, other] = &mut sides;
         other.close_beyond(fitted, &Base::ALWAYS, &lags_s);
