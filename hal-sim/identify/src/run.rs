@@ -9,7 +9,7 @@ use crate::machines::pmsm;
 use crate::machines::pmsm_file::PmsmModel;
 use crate::records::quality::{Finding, Plate, wrong_data};
 use crate::records::{
-    self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
+    self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map, windows,
 };
 use crate::report::{self, Report};
 use crate::signal::frames::{clarke, park};
@@ -309,6 +309,7 @@ impl Task {
     fn motor(&self, told: &mut Told) -> Result<Done, RunError> {
         let model = MotorModel::load(&self.model)?;
         let front = self.records(&self.mapping, None, Plate::Motor, told)?;
+        let front = front.in_windows();
         let accounts = front.joined();
         let [fit, check] = front.stretches.map(|stretches| {
             stretches
@@ -351,6 +352,14 @@ impl Front {
         accounts
     }
 
+    /// With as many rows as a search over bare columns can use.
+    fn in_windows(self) -> Self {
+        Front {
+            stretches: self.stretches.map(windows),
+            ..self
+        }
+    }
+
     /// The same where all stretches are used.
     fn joined(&self) -> [DataQuality; 2] {
         let mut accounts = [0, 1].map(|k: usize| {
@@ -378,6 +387,7 @@ impl Front {
 /// # Errors
 /// [`RunError::Split`] without a force.
 fn axis_by_balance(declared: &Axis, front: Front, told: &mut Told) -> Result<Done, RunError> {
+    let front = front.in_windows();
     let accounts = front.joined();
     let mut sides = [Vec::new(), Vec::new()];
     for (side, stretches) in sides.iter_mut().zip(front.stretches) {

@@ -12,6 +12,7 @@ pub mod rules;
 mod split;
 mod table;
 mod units;
+mod windows;
 
 pub use data_quality::{DataQuality, Skipped};
 pub use derive::speed_band_hz;
@@ -23,6 +24,7 @@ pub use rules::OnFault;
 pub use split::{Split, split};
 pub use table::{Column, Progress, Table, TextLayout};
 pub use units::names as unit_names;
+pub(crate) use windows::windows;
 
 use mapping::Found;
 use plant::Axis;
