@@ -4,11 +4,11 @@ use super::Record;
 
 /// Rows that are used. A bare motor's search takes 3 s of CPU for 60,000 rows in either record.
 const MOST_ROWS: usize = 300_000;
-/// Rows of a window, and its least time, s: a tenth of that is lost to filters.
+/// Rows of a window, and its minimum time, s: a tenth of that is lost to filters.
 const WINDOW_ROWS: usize = 20_000;
 const WINDOW_S: f64 = 4.0;
 
-/// Stretches with at most about [`MOST_ROWS`] rows: where there are more, windows that lie evenly over them. The first says so.
+/// Stretches with at most about [`MOST_ROWS`] rows: where there are more, windows that lie evenly over them. The first has a note of it.
 pub(crate) fn windows(stretches: Vec<Record>) -> Vec<Record> {
     let rows = |records: &[Record]| records.iter().map(Record::len).sum::<usize>();
     let all = rows(&stretches);
