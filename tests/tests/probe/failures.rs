@@ -6,7 +6,7 @@ use crate::program::{Running, board, ddfeed};
 use board::flash::listen;
 use ddfeed::probe::{Image, find};
 use ddfeed::session::Which;
-use link::VIEW_SYMBOL;
+use link::{LINK_UP_CHANNEL, RTT_SYMBOL, VIEW_SYMBOL};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::process::Command;
@@ -178,6 +178,7 @@ fn a_core_that_is_reset_under_a_recording_ends_it_and_what_came_is_kept() {
     let out = tempfile::tempdir().unwrap();
     let mut record = recording(&chip, &out);
     runs(&chip);
+    rows_come(&chip);
     let request = 0x05FA_0004_u32.to_le_bytes();
     chip.ask(move |bench| bench.emulator.debugger_writes(0xE000_ED0C, &request))
         .unwrap();
@@ -196,6 +197,29 @@ fn runs(chip: &Emulated) {
     }
 }
 
+/// Waits until the program has read the drive's telemetry a few times: before its first row there is nothing to keep.
+fn rows_come(chip: &Emulated) {
+    // SEGGER RTT's control block: an identifier, two counts, then each channel, with how far it was read.
+    let at = 24 + 24 * LINK_UP_CHANNEL as u32 + 16;
+    let read = || {
+        chip.ask(move |bench| {
+            let mut bytes = [0; 4];
+            let block = bench.image.symbol(RTT_SYMBOL)?;
+            bench.emulator.debugger_reads(block + at, &mut bytes)?;
+            Ok::<_, String>(u32::from_le_bytes(bytes))
+        })
+        .unwrap()
+    };
+    let began = Instant::now();
+    let (mut last, mut reads) = (read(), 0);
+    while reads < 3 {
+        assert!(began.elapsed() < WORK, "no telemetry is read");
+        let now = read();
+        reads += u32::from(now != last);
+        last = now;
+    }
+}
+
 /// A recording of a drive that runs for long.
 fn recording(chip: &Emulated, out: &tempfile::TempDir) -> Running {
     let mut record = chip.command(ddfeed(), "record");
@@ -210,6 +234,7 @@ fn a_probe_that_disappears_ends_a_recording_and_what_came_is_kept() {
     let out = tempfile::tempdir().unwrap();
     let mut record = recording(&chip, &out);
     runs(&chip);
+    rows_come(&chip);
     drop(chip);
     let began = Instant::now();
     record.until("error: ", PATIENCE);
