@@ -105,7 +105,7 @@ withTab("the first visit: ripple falls, an effect is named, and its ripple is go
     await button(tab, name).click();
     const step = tab.locator(".story li", { has: tab.locator("button", { hasText: name }) });
     const outcome = step.locator(".result", { hasText: /^(Ripple|cogging|No effect)/ });
-    await outcome.waitFor({ timeout: 200_000 });
+    await outcome.waitFor({ timeout: 90_000 });
     outcomes.push(await outcome.innerText());
   }
   console.log(outcomes.join("\n"));
