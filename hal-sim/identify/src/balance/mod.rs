@@ -25,10 +25,10 @@ use plant::effects::{EffectModel, Place, Term};
 use plant::model::Model;
 use std::f64::consts::TAU;
 
-/// Power in that of the encoders' resolution from which a bin tells what the screw's compliance makes of the shafts' motion. Noise
-/// that the compliance amplifies draws it, bin by bin, by noise over signal towards the stiffer screw, and the bins add up: of 34
-/// drawn machines (seeds 700018 on, every 19th) the resonance was 2.3 standard deviations too high on average with 7 times, and 0.5 with
-/// 100 and 0.4 with 1000, which tells it four times as uncertainly.
+/// Power in that of the encoders' resolution from which a bin tells what the screw's compliance makes of the shafts' motion. The
+/// compliance amplifies noise. That biases each bin towards the stiffer screw, and the biases add up. Of 34 drawn machines (seeds 700018
+/// on, every 19th) the resonance was 2.3 standard deviations too high on average with 7 times. With 100 times it was 0.5. With 1000
+/// times it was 0.4, and four times as uncertain.
 const CLEAR: f64 = 100.0;
 
 /// What one quantity adds to the residuals: a spectrum for each channel that it reaches.

@@ -181,8 +181,8 @@ mod tests {
         }
     }
 
-    /// Shafts at an even speed, at one that folds to 0 Hz, and at one that waves: the density holds the power of counted angles
-    /// where it is, within a factor of three in each band that holds a fifth of it, and in all at most 2.1 times it.
+    /// Shafts at an even speed, at one that folds to 0 Hz, and at one that waves. The density holds the power of counted angles where it
+    /// is. In each band with a fifth of that it is within a factor of three. Over all bands it is at most 2.1 times it.
     #[test]
     fn the_density_is_where_counted_angles_have_their_power() {
         type Speed = fn(f64) -> f64;

@@ -581,12 +581,21 @@ fn tell(name: &str, outcome: &Outcome) {
 mod tests {
     use super::*;
 
-    /// Machines on which a part was named once: half a drift, a scale of the lead of 4e-7 beside a random walk, torques in time
-    /// on both motors for one force on the table, an error of the lead for a force over the travel, a load that grows with the
-    /// position for one that steps or that depends on the direction, friction that falls up to the greatest speed; friction of the
-    /// screw for a drag of the nut, and of the nut for a spring. Of feed axes: one whose load steps was called explained to the
-    /// difference from lap to lap, an order that grows with the speed, friction for a drag by the cube of the speed. Of motors alone: a drift
-    /// of the resistance for a step.
+    /// Machines on which a part was named once. Double drives:
+    /// - half a drift
+    /// - a scale of the lead of 4e-7 beside a random walk
+    /// - torques in time on both motors, for one force on the table
+    /// - an error of the lead, for a force over the travel
+    /// - a load that grows with the position, for one that steps or depends on the direction
+    /// - friction that falls up to the greatest speed
+    /// - friction of the screw for a drag of the nut, and of the nut for a spring
+    ///
+    /// Feed axes:
+    /// - one whose load steps was called explained, to the difference from lap to lap
+    /// - an order that grows with the speed
+    /// - friction, for a drag by the cube of the speed
+    ///
+    /// A motor alone: a drift of the resistance, for a step.
     const NAMED_ONCE: [usize; 12] = [2, 6, 16, 18, 21, 23, 25, 47, 51, 54, 90, 93];
 
     /// Effects of no family that repeat in a coordinate: none gets a name or a sure verdict. Most end as a curve that halves what is beyond

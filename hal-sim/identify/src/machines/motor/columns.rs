@@ -155,9 +155,9 @@ impl Columns {
             .into_iter()
     }
 
-    /// Closes the rows at which regressors are outside of what a record that is fitted has, by their leverage, whatever
-    /// the lag: of a model that was not fitted there an error says nothing (hidden extrapolation, Montgomery, Peck and
-    /// Vining, *Introduction to Linear Regression Analysis*, 3.8).
+    /// Closes the rows at which regressors are outside of what the fitted record has, at any of the lags. Their leverage decides. The model
+    /// was not fitted there, so its error says nothing (hidden extrapolation, Montgomery, Peck and Vining, *Introduction to Linear
+    /// Regression Analysis*, 3.8).
     pub(super) fn close_beyond(&mut self, fitted: &Columns, base: &[Base], lags_s: &[f64]) {
         let design = |columns: &Columns, lag_s: f64| {
             let of: Vec<Vec<f64>> = base.iter().map(|b| columns.base(*b, lag_s)).collect();
