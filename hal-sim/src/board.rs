@@ -358,7 +358,13 @@ impl Board {
         self.driven[axis.index()] = driven;
         self.machine.set_bridge(axis, driven);
 
-        let encoder = self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0));
+        let encoder = match self.frames[axis.index()] {
+            Some(frame) => frame,
+            None => {
+                let late_s = self.encoder_late_s();
+                self.encoder_word(axis, late_s)
+            }
+        };
         let Sensors { current, bus, .. } = &self.config.sensors;
         let gain = self.reference.recip();
         let [a, b, c] = amps.map(|amps| amps * gain);
@@ -409,6 +415,18 @@ impl Board {
         let angle = self.machine.encoder_angle(there) - self.encoder_zeros[axis.index()];
         let turned = self.machine.motor(there).omega * (later_s - encoder.age_s);
         encoder_word(encoder, self.encoder_sense(axis) * (angle + turned))
+    }
+
+    /// By how much an encoder's angle is taken too late this time, s.
+    #[inline]
+    fn encoder_late_s(&mut self) -> f64 {
+        let jitter_s = self.config.sensors.encoder_jitter_s;
+        if jitter_s > 0.0 {
+            let unit: f64 = StandardNormal.sample(&mut self.random);
+            unit * jitter_s
+        } else {
+            0.0
+        }
     }
 
     /// Power comes up: an incremental encoder's count begins at zero where its shaft stands now.
@@ -538,7 +556,8 @@ impl Board {
         for axis in Axis::ALL {
             let encoder = &self.config.sensors.encoders[axis.index()];
             if encoder.interface == Interface::Mt6835 {
-                self.frames[axis.index()] = Some(self.encoder_word(axis, half_period));
+                let late_s = half_period + self.encoder_late_s();
+                self.frames[axis.index()] = Some(self.encoder_word(axis, late_s));
             }
         }
         let before = (self.config.bus_f > 0.0)
@@ -639,8 +658,9 @@ impl Board {
         } else {
             0.0
         };
-        let metres = self.machine.table_position() + noise;
-        (metres / self.config.sensors.scale_count_m).round() as i64
+        let position = self.machine.table_position();
+        let error = sensors.scale_error_m * (TAU * position / sensors.scale_period_m).sin();
+        ((position + error + noise) / sensors.scale_count_m).round() as i64
     }
 
     /// Mean phase voltages over a period, to the middle of the bus.

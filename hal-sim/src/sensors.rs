@@ -4,7 +4,7 @@ use crate::mt6835;
 use control::encoder::Interface;
 use control::plate::EncoderPlate;
 use plant::Axis;
-use plant::model::{EncoderKind, Model, SensingModel};
+use plant::model::{COMMON_SCALE_PERIOD_M, EncoderKind, Model, SensingModel};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -108,6 +108,12 @@ pub struct Sensors {
     pub scale_count_m: f64,
     /// Standard deviation of the scale's noise, m.
     pub scale_noise_m: f64,
+    /// Amplitude of the scale's error that repeats with its period, m.
+    pub scale_error_m: f64,
+    /// Period of that error along the travel, m.
+    pub scale_period_m: f64,
+    /// Standard deviation of the instant at which an encoder's angle is taken, s.
+    pub encoder_jitter_s: f64,
 }
 
 /// The supply of a board that nothing else is said of, V.
@@ -125,6 +131,9 @@ impl Sensors {
             bus: Adc::unipolar(16, BUS_RANGE * BUS_V, 0.0),
             scale_count_m: 1e-12,
             scale_noise_m: 0.0,
+            scale_error_m: 0.0,
+            scale_period_m: COMMON_SCALE_PERIOD_M,
+            encoder_jitter_s: 0.0,
         }
     }
 
@@ -137,6 +146,7 @@ impl Sensors {
             bus: Adc::unipolar(12, BUS_RANGE * BUS_V, 0.5),
             scale_count_m: 1e-9,
             scale_noise_m: 1e-9,
+            ..Self::ideal()
         }
     }
 
@@ -158,6 +168,9 @@ impl Sensors {
             current_lsb_a: self.current.per_count.abs(),
             current_noise_a: self.current.noise * self.current.per_count.abs(),
             table_noise_m: self.scale_noise_m,
+            table_error_m: self.scale_error_m,
+            table_error_period_m: self.scale_period_m,
+            encoder_jitter_s: self.encoder_jitter_s,
             ..rates
         }
     }
@@ -193,6 +206,9 @@ impl Sensors {
             bus: Adc::unipolar(12, BUS_RANGE * installation.bus_v, 0.5),
             scale_count_m: installation.scale_count_m,
             scale_noise_m: sensing.table_noise_m,
+            scale_error_m: sensing.table_error_m,
+            scale_period_m: sensing.table_error_period_m,
+            encoder_jitter_s: sensing.encoder_jitter_s,
         }
     }
 }

@@ -495,3 +495,45 @@ fn a_row_holds_the_many_turn_angle_and_the_voltage_that_acted() {
         assert!(turns.abs() > 8.0, "{turns} turns");
     }
 }
+
+/// A reading that is late by `t` of a shaft that turns by `w` is off by `w t`; a scale's error has the amplitude and the period that it is given.
+#[test]
+fn encoders_jitter_and_the_scale_errs_as_they_are_told() {
+    let (jitter_s, error_m, period_m) = (0.2e-6, 50e-9, 20e-6);
+    let mut setup = Setup::ideal(Model::coupled(), Coupling::Coupled);
+    setup.board.sensors.encoder_jitter_s = jitter_s;
+    setup.board.sensors.scale_error_m = error_m;
+    setup.board.sensors.scale_period_m = period_m;
+    let mut drive = setup.drive().unwrap();
+    settle_quietly(
+        &mut drive,
+        OperatingPoint {
+            velocity: 2.5e-3,
+            base: 800.0 * RPM,
+        },
+    )
+    .unwrap();
+    let counts = f64::from(drive.board.config().sensors.encoders[1].counts_per_turn);
+    let (mut angles, mut most) = (Vec::new(), 0.0_f64);
+    for _ in 0..4_000 {
+        drive.period();
+        angles.push(f64::from(drive.sample(Axis::Nut).encoder) / counts * TAU);
+        let position = drive.board.machine.table_position();
+        let scale = drive.board.scale_counts() as f64 * drive.board.config().sensors.scale_count_m;
+        let told = error_m * (TAU * position / period_m).sin();
+        most = most.max((scale - position - told).abs());
+    }
+    // The second difference of white noise has six times its variance.
+    let turned = |from: f64, to: f64| (to - from + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
+    let off = angles
+        .windows(3)
+        .map(|at| turned(at[1], at[2]) - turned(at[0], at[1]));
+    let squares: f64 = off.map(|off| off * off).sum();
+    let rms = (squares / (angles.len() - 2) as f64 / 6.0).sqrt();
+    let found = rms / drive.board.machine.motor(Axis::Nut).omega;
+    assert!(
+        (found / jitter_s - 1.0).abs() < 0.05,
+        "{found} s, expected {jitter_s} s"
+    );
+    assert!(most < 1e-11, "the scale is {most} m off");
+}

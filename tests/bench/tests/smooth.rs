@@ -2,10 +2,11 @@
 
 use bench::smooth::bench::{Controller, Scale, cases};
 use bench::smooth::reversal::{Reversal, reversal};
+use bench::smooth::undeclared::{Undeclared, ripple};
 use bench::smooth::{Machine, orders, setup};
 use control::compensation::fit::TableFit;
 use control::compensation::{LINES, TORQUES};
-use control::plate::{CompensationPlate, TorqueOrderPlate};
+use control::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate};
 use control::supervisor::{Demand, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
@@ -306,6 +307,42 @@ fn the_boards_that_ship_are_rows_and_ripple_less_with_what_they_learn() {
             left < limit,
             "{}, {nut_rpm} rpm: {left:.2} % is left, expected less than {limit} %",
             machine.name()
+        );
+    }
+}
+
+/// Once a torque is learned, the speed follows a reference of the same order at once. With the loops' lag in its model, the encoder's order of
+/// 133 Hz grew until the voltage watch stopped the drive.
+#[test]
+fn an_order_of_the_torque_and_of_the_encoder_does_not_grow() {
+    let setup = setup(Machine::Coupled, 1);
+    let mut plate = orders(&setup, 0.5, true);
+    for (axis, orders) in Axis::ALL.iter().zip(&mut plate.angle) {
+        let twice = 2.0 * f64::from(setup.model.motor(*axis).pole_pairs);
+        orders[3] = OrderPlate::unknown(twice);
+    }
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: 800.0 * RPM,
+    };
+    let left = smoothness(&mut drive(&setup, plate).unwrap(), point, 12.0).unwrap();
+    assert!(
+        left.vrf < 0.8,
+        "{:.2} % is left, expected less than 0.8 %",
+        left.vrf
+    );
+}
+
+/// Before the search took one coefficient for all holds, the first had 23 % left and the second ended with a fault.
+#[test]
+fn orders_that_no_setting_names_are_searched_and_learned() {
+    let cases = [(Undeclared::BallPassage, 0.0), (Undeclared::Flux, 800.0)];
+    let left = on_all_cores(&cases, |&(case, rpm)| ripple(case, rpm).unwrap());
+    for ((case, rpm), left) in cases.iter().zip(left) {
+        assert!(
+            left < 1.0,
+            "{}, nut {rpm} rpm: {left:.2} % is left, expected less than 1 %",
+            case.name()
         );
     }
 }

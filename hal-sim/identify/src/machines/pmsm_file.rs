@@ -1,7 +1,7 @@
 //! The model file of a single permanent-magnet motor.
 
 use crate::machines::ModelFileError;
-use plant::model::{EncoderKind, MotorModel, SensingModel};
+use plant::model::{EncoderKind, Model, MotorModel, SensingModel};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -85,6 +85,7 @@ impl PmsmModel {
             current_lsb_a: own.current_lsb_a,
             current_noise_a: own.current_noise_a,
             table_noise_m: 1e-6,
+            ..Model::paper().sensing
         }
     }
 

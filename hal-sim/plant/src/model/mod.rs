@@ -190,6 +190,39 @@ pub struct SensingModel {
     /// Standard deviation of the table scale's noise; 0 or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub table_noise_m: f64,
+    /// Error of the table's scale that repeats with its period (sub-divisional error), amplitude; 0 or above. 0 if left out.
+    #[serde(
+        default,
+        deserialize_with = "limits::non_negative",
+        skip_serializing_if = "is_zero"
+    )]
+    pub table_error_m: f64,
+    /// Period of the scale's error along the travel; above 0. 20 um if left out.
+    #[serde(
+        default = "common_scale_period_m",
+        deserialize_with = "limits::positive",
+        skip_serializing_if = "is_common_scale_period"
+    )]
+    pub table_error_period_m: f64,
+    /// Standard deviation of the instant at which an encoder's angle is taken; 0 or above. 0 if left out.
+    #[serde(
+        default,
+        deserialize_with = "limits::non_negative",
+        skip_serializing_if = "is_zero"
+    )]
+    pub encoder_jitter_s: f64,
+}
+
+/// Period of common optical scales, m (Heidenhain LIDA 400, Renishaw RGSZ20: 20 um).
+pub const COMMON_SCALE_PERIOD_M: f64 = 20e-6;
+
+fn common_scale_period_m() -> f64 {
+    COMMON_SCALE_PERIOD_M
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_common_scale_period(value: &f64) -> bool {
+    *value == COMMON_SCALE_PERIOD_M
 }
 
 impl SensingModel {

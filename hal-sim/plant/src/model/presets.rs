@@ -1,7 +1,8 @@
 //! Models that need no file.
 
 use super::{
-    EncoderKind, FeedModel, InstallationModel, Model, MotorModel, SensingModel, TorqueHarmonic,
+    COMMON_SCALE_PERIOD_M, EncoderKind, FeedModel, InstallationModel, Model, MotorModel,
+    SensingModel, TorqueHarmonic,
 };
 use crate::Axis;
 use std::f64::consts::TAU;
@@ -64,6 +65,9 @@ impl Model {
                 current_lsb_a: 10.0 / 4096.0,
                 current_noise_a: 5.0 / 4096.0,
                 table_noise_m: 0.0,
+                table_error_m: 0.0,
+                table_error_period_m: COMMON_SCALE_PERIOD_M,
+                encoder_jitter_s: 0.0,
             },
             installation: InstallationModel::default(),
             measured: None,
@@ -98,6 +102,7 @@ impl Model {
             current_lsb_a: 20.0 / 4096.0,
             current_noise_a: 0.004,
             table_noise_m: 1.0e-8,
+            ..Self::paper().sensing
         };
         model
     }

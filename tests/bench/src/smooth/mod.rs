@@ -10,6 +10,7 @@ pub mod rejection;
 pub mod report;
 pub mod reversal;
 mod rivals;
+pub mod undeclared;
 pub mod vanishing;
 
 pub use machine::{Machine, orders, setup, torque_orders};

@@ -456,10 +456,12 @@ impl Compensation {
         if index < ANGLES {
             let halved = self.checks.halved(config, 2usize.wrapping_add(motor));
             let lines = self.angle.get_mut(motor);
+            let torque = self.torque.get(motor);
             if let Some(line) = lines.and_then(|lines| lines.get_mut(index)) {
                 let slower = theta_step.unsigned_abs().min(relative.unsigned_abs());
-                let learns =
-                    learning(config, response, line.order(), theta_step, slower).halved(halved);
+                let shared = torque.is_some_and(|torque| has(torque, line.order()));
+                let learns = learning(config, response, line.order(), theta_step, slower, shared)
+                    .halved(halved);
                 let learns = if motor == 0 { learns } else { negative(learns) };
                 line.tune(line.coefficient(), learns, SPEED_PART_MAX);
             }
@@ -467,10 +469,15 @@ impl Compensation {
         }
         let index = index.wrapping_sub(ANGLES).wrapping_mul(2);
         let halved = self.checks.halved(config, 4);
+        let [screw_torque, _] = &self.torque;
         if let Some(line) = self.travel.get_mut(index.wrapping_add(motor)) {
             let [response, _] = &config.response;
             let slower = relative.unsigned_abs();
-            let learns = learning(config, response, line.order(), relative, slower).halved(halved);
+            // Where the nut stands, the lead repeats with the screw.
+            let stands = nut.unsigned_abs() < slower >> 3;
+            let shared = stands && has(screw_torque, line.order());
+            let learns =
+                learning(config, response, line.order(), relative, slower, shared).halved(halved);
             line.tune(line.coefficient(), learns, SPEED_PART_MAX);
         }
     }
@@ -584,8 +591,13 @@ fn tune_torque(
     line.tune(gives, learns, config.torque_max);
 }
 
+fn has(lines: &[Line; TORQUES], order: Order) -> bool {
+    lines.iter().any(|line| line.order() == order)
+}
+
 /// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `slower` is the slower motion of those that
-/// distinguish it from others. Zero without a scale: encoders and lead then keep their saved values.
+/// distinguish it from others. The motor has a torque of the same order if that is `shared`: once it is learned, the speed follows a
+/// reference at once. The model's phase is then wrong by that of the loops, so nothing is learned where they lag by more than 76 degrees. Zero without a scale: encoders and lead then keep their saved values.
 #[inline(never)]
 fn learning(
     config: &CompensationConfig,
@@ -593,9 +605,13 @@ fn learning(
     order: Order,
     theta_step: i32,
     slower: u32,
+    shared: bool,
 ) -> Phasor {
+    let lags = |follow: Phasor| follow.re < follow.im.saturating_abs() >> 2;
     match (config.scale, response.at(order.frequency(theta_step))) {
-        (Some(scale), Some(point)) if config.learns && order.0 != 0 => {
+        (Some(scale), Some(point))
+            if config.learns && order.0 != 0 && !(shared && lags(point.follow)) =>
+        {
             let turned = point.follow.turned_by(theta_step);
             let slower = order.frequency(slower.min(i32::MAX as u32).cast_signed());
             let rate = rate(scale.rate, theta_step, slower);

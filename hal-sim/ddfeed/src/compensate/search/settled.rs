@@ -1,6 +1,8 @@
 //! The settled parts of a recording's holds, and the signals in which orders are looked for.
 
-use super::{Coordinate, Search, Shows, mean};
+use super::coordinate::{Coordinate, Shows};
+use super::lines::Search;
+use super::mean;
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
 use hal_sim::hold_ripple::{Hold, SETTLE_S, holds};
 use plant::Axis;
@@ -12,6 +14,8 @@ const TORQUE_ORDER_MAX: f64 = 150.0;
 /// Discs and magnets err a few times a turn. Faster, an elastic screw shows the motors' torque.
 const ENCODER_ORDER_MAX: f64 = 12.0;
 const LEAD_ORDER_MAX: f64 = 30.0;
+/// Coordinate of the ball pair in a torque's search.
+pub(super) const PAIR: usize = 1;
 /// Smallest part of the largest load by which loads must differ.
 const LOADS_DIFFER: f64 = 0.3;
 
@@ -59,8 +63,18 @@ impl<'a> Settled<'a> {
         Coordinate::new(between_rows(&self.angles[k]), self.interval_s, shows, room)
     }
 
+    /// Mean speed of the screw against the nut in each hold, rad/s.
+    fn relative_speeds(&self) -> impl Iterator<Item = f64> {
+        let speed = |angle: &Vec<f64>| {
+            (angle[angle.len() - 1] - angle[0]) / (self.interval_s * (angle.len() - 1) as f64)
+        };
+        let [.., relative] = &self.angles;
+        relative.iter().map(speed)
+    }
+
     /// For what repeats with a motor's turn, in its momentum.
     pub(super) fn torque_search(&self, axis: Axis) -> Search {
+        let own = axis.index();
         let currents = over(&self.holds, |k| {
             q_current(self.recording, self.model, axis, k)
         });
@@ -80,18 +94,23 @@ impl<'a> Settled<'a> {
             straightened(values.collect())
         };
         Search {
-            signals: self.angles[axis.index()]
+            signals: self.angles[own]
                 .iter()
                 .zip(&currents)
                 .map(momentum)
                 .collect(),
-            coordinates: vec![self.coordinate(
-                axis.index(),
-                Shows::Momentum,
-                (TORQUES, TORQUE_ORDER_MAX),
-            )],
+            // What comes from the other motor and from the ball pair must not be taken for its own.
+            coordinates: vec![
+                self.coordinate(own, Shows::Momentum, (TORQUES, TORQUE_ORDER_MAX)),
+                self.coordinate(2, Shows::Momentum, (TRAVELS, LEAD_ORDER_MAX)),
+                self.coordinate(1 - own, Shows::Momentum, (TORQUES, TORQUE_ORDER_MAX)),
+            ],
             interval_s,
             loads: differing(currents.iter().map(|current| mean(current)).collect()),
+            table: self
+                .relative_speeds()
+                .map(|speed| per_speed * speed)
+                .collect(),
         }
     }
 
@@ -120,6 +139,7 @@ impl<'a> Settled<'a> {
             ],
             interval_s,
             loads: None,
+            table: self.relative_speeds().collect(),
         }
     }
 }

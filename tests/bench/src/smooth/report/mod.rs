@@ -5,6 +5,7 @@ mod floor;
 mod hum;
 mod page;
 mod reversals;
+mod undeclared;
 mod vanishing;
 mod wrong_settings;
 
@@ -55,6 +56,8 @@ pub enum SmoothPart {
     Disturbance,
     /// A load that vanishes.
     Vanishing,
+    /// Orders that no setting names.
+    Undeclared,
     /// Time to learn.
     Learning,
     /// What sets the ripple that is left.
@@ -113,6 +116,12 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
         let vanished = vanishing::measure(options.board)?;
         put("vanishing", vanishing::json(&vanished), &|| {
             vanishing::print(&vanished);
+        });
+    }
+    if of(SmoothPart::Undeclared) {
+        let cases = undeclared::measure();
+        put("undeclared", undeclared::json(&cases), &|| {
+            undeclared::print(&cases);
         });
     }
     if of(SmoothPart::Learning) {
