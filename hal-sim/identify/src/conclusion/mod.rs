@@ -21,7 +21,7 @@ use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
-use crate::conclusion::steps::step_and_ramp;
+use crate::conclusion::steps::step_beyond_ramp;
 use crate::conclusion::unexplained::{Left, along, unexplained};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
@@ -156,16 +156,12 @@ fn misfit(outcome: &Outcome) -> Option<&Found> {
     })
 }
 
-/// By how much more than a ramp a step must explain, in what the ramp explains. Of 200 drawn drifts it is at most 0.11: their records
-/// turn fast in a few places only. Of a resistance that steps in the middle it is 0.84.
-const STEP_BEYOND: f64 = 0.3;
-
 /// A drift of which the records rather have a step.
 fn stepping(outcome: &Outcome) -> Option<&Found> {
     let mut effects = outcome.effects.iter();
     effects.find(|found| {
-        let [beyond, ramp] = found.step_and_ramp.unwrap_or_default();
-        beyond > outcome.threshold.max(STEP_BEYOND * ramp)
+        let beyond = found.step_beyond_ramp;
+        beyond.is_some_and(|beyond| beyond > outcome.threshold)
     })
 }
 
@@ -232,7 +228,7 @@ impl Weighing<'_> {
         let mut without = self.beside_others(fit, k);
         let without_solution = without.normal.solve(None);
         let falls = without.fall_by_channel(hypothesis);
-        let step_of_fit = step_and_ramp(&mut without, hypothesis);
+        let step_of_fit = step_beyond_ramp(&mut without, hypothesis);
         let fall = without.normal.cost(&without_solution.values)
             - self.search.normal.cost(&self.solution.values);
         let first = without.normal.len();
@@ -241,14 +237,14 @@ impl Weighing<'_> {
         let effect = self.in_model(hypothesis, &refined);
         let mut beside = self.beside_others(check, k);
         let check_fall = beside.fall_at(hypothesis, &values);
-        let step_of_check = step_and_ramp(&mut beside, hypothesis);
+        let step_of_check = step_beyond_ramp(&mut beside, hypothesis);
         let found = effect.map(|effect| Found {
             hypothesis: *hypothesis,
             shows: most_shown(&falls),
             check_fall,
-            step_and_ramp: step_of_fit
+            step_beyond_ramp: step_of_fit
                 .zip(step_of_check)
-                .map(|(fit, check)| [0, 1].map(|k: usize| fit[k] + check[k])),
+                .map(|(fit, check)| fit + check),
             values,
             covariance,
             shape_sigma,

@@ -36,9 +36,8 @@ pub struct Found {
     pub fall: f64,
     /// The same on the check record with the fit's parameters.
     pub check_fall: f64,
-    /// Of a drift: by how much more a step at some time lowers both records' sums of squares than a ramp does, and what the ramp
-    /// lowers.
-    pub step_and_ramp: Option<[f64; 2]>,
+    /// Of a drift: by how much more a step at some time lowers both records' sums of squares than a ramp does.
+    pub step_beyond_ramp: Option<f64>,
     /// Fall on each operating point of the fit record.
     pub fall_at: Vec<f64>,
     /// The same when fitted on the others.

@@ -31,15 +31,15 @@ pub(crate) struct Place {
     pub(crate) values: [Vec<f64>; 2],
     /// What kind of shape is looked for.
     pub(crate) form: Form,
-    /// Whether what repeats there is counted by frequency: the values are time as an angle of one turn a second.
-    pub(crate) in_time: bool,
-    /// What a shape is multiplied with in each row of either record, 1 or -1 (the direction, of what brakes).
-    pub(crate) signs: Option<[Vec<f64>; 2]>,
+    /// Whether it is a product of two coordinates, which is less plain.
+    pub(crate) is_product: bool,
+    /// What a shape is multiplied with in each row of either record, if with something.
+    pub(crate) factors: Option<[Vec<f64>; 2]>,
 }
 
-/// Whether a shape over a coordinate is each record's own: what drifts does so again in each run.
+/// Whether a shape over a coordinate may be each record's own: what drifts may do so in another way in each run.
 fn is_own(place: &Place) -> bool {
-    place.name == TIME && place.form == Form::Curve
+    place.name.starts_with(TIME) && place.form == Form::Curve
 }
 
 /// The coordinate over which each record has a shape of its own.
@@ -47,11 +47,27 @@ pub(crate) const TIME: &str = "time";
 /// How much more such a shape must explain than one that the records share, which predicts the check record.
 const OWN: f64 = 2.0;
 
+/// How much more a product must explain than one coordinate. Of the products that explained more on 118 drawn machines none lies between
+/// 1.024 and 1.073 times. Below that the one coordinate was right in all four cases.
+const PRODUCT: f64 = 1.05;
+
 impl Place {
+    /// A coordinate alone.
+    pub(crate) fn plain(name: &'static str, values: [Vec<f64>; 2], form: Form) -> Self {
+        Place {
+            name,
+            values,
+            form,
+            is_product: false,
+            factors: None,
+        }
+    }
+
     fn over(&self, record: usize) -> Over<'_> {
         Over {
             values: &self.values[record],
             form: self.form.clone(),
+            factors: self.factors.as_ref().map(|of| &of[record][..]),
         }
     }
 }
@@ -112,27 +128,12 @@ fn half_of_power(values: &[f64], rate: f64) -> [f64; 2] {
 }
 
 impl Rest {
-    fn residual<'a>(&'a self, record: usize, values: &'a [f64]) -> Residual<'a> {
+    fn residual(&self, record: usize) -> Residual<'_> {
         Residual {
-            values,
+            values: &self.values[record],
             open: &self.open[record],
             rate: self.rate,
         }
-    }
-
-    /// Both records' rows, of what brakes in the direction of the motion.
-    fn signed(&self, place: &Place) -> [Vec<f64>; 2] {
-        [0, 1].map(|record| match &place.signs {
-            Some(signs) => {
-                let signs = &signs[record];
-                self.values[record]
-                    .iter()
-                    .zip(signs)
-                    .map(|(x, sign)| x * sign)
-                    .collect()
-            }
-            None => self.values[record].clone(),
-        })
     }
 
     /// Mean square of a record, and its rows.
@@ -153,29 +154,34 @@ impl Rest {
         (loud == [true; 2]).then_some(beyond)
     }
 
-    /// The shape that explains most of both records.
-    fn best<'a>(&self, places: &'a [Place], beyond: [f64; 2]) -> Option<(&'a Place, Shape)> {
+    /// The shape that explains most of both records. Beside it the check record's, where that is another one.
+    fn best<'a>(
+        &self,
+        places: &[&'a Place],
+        beyond: [f64; 2],
+    ) -> Option<(&'a Place, Shape, Option<Shape>)> {
         let all = [0, 1].map(|record| beyond[record] * self.power(record).1);
-        let found = places.iter().filter_map(|place| {
-            let values = self.signed(place);
-            let residual = |record: usize| self.residual(record, &values[record]);
-            let shape = residual(0).shape(&place.over(0))?;
-            let shape = residual(0).sharpened(&place.over(0), shape);
+        let found = places.iter().filter_map(|&place| {
+            let [fit, check] = [0, 1].map(|record| self.residual(record));
+            let [over, of_check] = [0, 1].map(|record| place.over(record));
+            let shape = fit.sharpened(&over, fit.shape(&over)?);
             let share = shape.fall / all[0];
-            let (fall, weight) = match is_own(place) {
-                true => (residual(1).shape(&place.over(1))?.fall, OWN.recip()),
-                false => (residual(1).bears_out(&place.over(1), &shape), 1.0),
+            let shared = check.bears_out(&of_check, &shape) / all[1];
+            let own = is_own(place).then(|| check.shape(&of_check)).flatten();
+            let own = own.filter(|own| own.fall / all[1] > OWN * shared);
+            let (borne_out, weight) = match &own {
+                Some(own) => (own.fall / all[1], OWN.recip()),
+                None => (shared, 1.0),
             };
-            let borne_out = fall / all[1];
-            (share > SHARE && borne_out > CONFIRMED * SHARE).then_some((
-                weight * share.min(borne_out),
-                place,
-                shape,
-            ))
+            let weight = match place.is_product {
+                true => weight / PRODUCT,
+                false => weight,
+            };
+            (share > SHARE && borne_out > CONFIRMED * SHARE)
+                .then_some((weight * share.min(borne_out), (place, shape, own)))
         });
-        found
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, place, shape)| (place, shape))
+        let best = found.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map(|(_, best)| best)
     }
 
     /// In words, where the fit record has what has no shape.
@@ -208,11 +214,11 @@ impl Rest {
     }
 
     /// All that is left over `places`.
-    pub(crate) fn remnants(mut self, places: &[Place]) -> Vec<Remnant> {
+    pub(crate) fn remnants(mut self, places: &[&Place]) -> Vec<Remnant> {
         let mut list = Vec::new();
         while list.len() < MOST {
             let Some(beyond) = self.beyond() else { break };
-            let Some((place, shape)) = self.best(places, beyond) else {
+            let Some((place, shape, own)) = self.best(places, beyond) else {
                 if self.floor.is_some() {
                     list.push(Remnant {
                         coordinate: NO_SHAPE,
@@ -224,14 +230,12 @@ impl Rest {
                 }
                 break;
             };
-            let (order, hz) = match place.in_time {
+            let (order, hz) = match place.name == TIME {
                 true => (None, shape.order),
                 false => (shape.order, None),
             };
-            let values = self.signed(place);
-            let residual = |record: usize| self.residual(record, &values[record]);
-            let size = residual(0).size(&place.over(0), &shape);
-            let reason = match is_own(place) {
+            let size = self.residual(0).size(&place.over(0), &shape);
+            let reason = match own.is_some() {
                 true => "either record has it over its own time, and no hypothesis does",
                 false => "both records have it, and no hypothesis does",
             };
@@ -242,19 +246,11 @@ impl Rest {
                 size,
                 reason: reason.into(),
             });
-            let own = is_own(place)
-                .then(|| residual(1).shape(&place.over(1)))
-                .flatten();
-            let mut left = [
-                residual(0).without(&place.over(0), &shape),
-                residual(1).without(&place.over(1), own.as_ref().unwrap_or(&shape)),
+            self.values = [
+                self.residual(0).without(&place.over(0), &shape),
+                self.residual(1)
+                    .without(&place.over(1), own.as_ref().unwrap_or(&shape)),
             ];
-            if let Some(signs) = &place.signs {
-                for (left, signs) in left.iter_mut().zip(signs) {
-                    left.iter_mut().zip(signs).for_each(|(x, sign)| *x *= sign);
-                }
-            }
-            self.values = left;
         }
         list.sort_by(|a, b| b.size.total_cmp(&a.size));
         list
@@ -290,15 +286,17 @@ mod tests {
         );
     }
 
-    /// A drift goes its own way in each record; what goes with the speed goes the same way in both.
+    /// A drift goes its own way in each record. What goes with the speed goes the same way in both.
     #[test]
     fn what_drifts_is_told_from_what_goes_with_the_speed() {
         const ROWS: usize = 6000;
+        const PRODUCT: &str = "time, times current";
         let speed = |record: u64| -> Vec<f64> {
             let plateaus = [[1.0, 4.0, 2.0, 5.0], [3.0, 5.0, 1.0, 2.0]][record as usize];
             (0..ROWS).map(|row| plateaus[row * 4 / ROWS]).collect()
         };
         let time: Vec<f64> = (0..ROWS).map(|row| row as f64 * 1e-3).collect();
+        let current: Vec<f64> = (0..ROWS).map(|row| (0.05 * row as f64).sin()).collect();
         let drift = |record: u64| -> Vec<f64> {
             let rate = [0.9, -0.6][record as usize];
             time.iter().map(|t| (rate * t).sin() + 0.2 * t).collect()
@@ -311,16 +309,15 @@ mod tests {
                 let values = &values[record as usize];
                 values.iter().zip(noise).map(|(x, e)| x + 0.1 * e).collect()
             };
-            let place = |name, values| Place {
-                name,
-                values,
-                form: Form::Curve,
-                in_time: false,
-                signs: None,
-            };
+            let place = |name, values| Place::plain(name, values, Form::Curve);
             let places = [
                 place("speed", [speed(0), speed(1)]),
                 place(TIME, [time.clone(), time.clone()]),
+                Place {
+                    is_product: true,
+                    factors: Some([current.clone(), current.clone()]),
+                    ..place(PRODUCT, [time.clone(), time.clone()])
+                },
             ];
             let rest = Rest {
                 values: [noisy(0), noisy(1)],
@@ -330,9 +327,14 @@ mod tests {
                 above: 1.0,
                 during: Vec::new(),
             };
-            rest.remnants(&places)[0].coordinate
+            rest.remnants(&places.each_ref())[0].coordinate
         };
         assert_eq!(coordinate([drift(0), drift(1)]), TIME);
         assert_eq!(coordinate([of_speed(0), of_speed(1)]), "speed");
+        let of_both = |record: u64| -> Vec<f64> {
+            let pairs = drift(record).into_iter().zip(&current);
+            pairs.map(|(x, i)| x * i).collect()
+        };
+        assert_eq!(coordinate([of_both(0), of_both(1)]), PRODUCT);
     }
 }

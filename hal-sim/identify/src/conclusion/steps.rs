@@ -1,6 +1,7 @@
 //! Whether a plate value that is said to drift steps at one time.
 
 use crate::effects::hypothesis::Hypothesis;
+use crate::regression::normal::Prior;
 use crate::search::select::Search;
 use plant::effects::{Coordinate, Law, Term};
 
@@ -8,26 +9,24 @@ use plant::effects::{Coordinate, Law, Term};
 const PARTS: usize = 16;
 const SHORTEST_RAMP: usize = 4;
 
-/// By how much more a step at some time lowers a record's sum of squares than a ramp does, each in its best size, and what the
-/// best ramp lowers. `None` for an effect that is no drift.
-///
-/// A ramp explains three quarters of a step in a run's middle. A step explains three quarters of a ramp, and less of a value that
-/// rises as `1 - exp(-t)`.
-pub(super) fn step_and_ramp(search: &mut Search, hypothesis: &Hypothesis) -> Option<[f64; 2]> {
+/// By how much more a step at some time lowers a record's sum of squares than a ramp does, each in its best size. `None` for an effect
+/// that is no drift. Of 47 drawn drifts it is -0.21 to -0.06 of what the best ramp lowers, of four steps 0.13 to 0.22.
+pub(super) fn step_beyond_ramp(search: &mut Search, hypothesis: &Hypothesis) -> Option<f64> {
     let run_s = search.run_s();
     let unit = hypothesis.units(search.balance.model, run_s).pop()?;
     let is_drift =
         |term: &Term| term.coordinate == Coordinate::Time && matches!(term.law, Law::Ramp { .. });
     let drift = unit.effect().terms().into_iter().find(is_drift)?;
-    let solution = search.normal.solve(None);
-    let fall = |law: Law| {
+    // Without the drift its plate value may be at a bound, which it leaves with it: all are fitted again.
+    let before = search.normal.cost(&search.normal.solve(None).values);
+    let mut fall = |law: Law| {
         let term = Term {
             law,
             ..drift.clone()
         };
         let change = search.balance.terms(unit.place(), &[term]);
         let column = search.whitener.column(&change);
-        search.normal.gain(&[column], &solution).fall
+        before - search.normal.with(&[(column, Prior::FREE)]).cost
     };
     let ramp = |parts: usize| Law::Ramp {
         value: 1.0,
@@ -44,5 +43,5 @@ pub(super) fn step_and_ramp(search: &mut Search, hypothesis: &Hypothesis) -> Opt
     let best = |falls: &mut dyn Iterator<Item = f64>| falls.fold(0.0, f64::max);
     let ramp = best(&mut (SHORTEST_RAMP..=PARTS).map(|parts| fall(ramp(parts))));
     let step = best(&mut (1..PARTS).map(|first| fall(step(first))));
-    Some([step - ramp, ramp])
+    Some(step - ramp)
 }

@@ -37,7 +37,7 @@ pub(crate) struct Left<'a> {
 
 impl Left<'_> {
     /// The coordinates of both records.
-    fn places(&self) -> Vec<rest::Place> {
+    fn places(&self) -> Vec<(Along, rest::Place)> {
         let [fit, check] = self.cases.map(|case| case.balance);
         let both = |of: &dyn Fn(&Balance, usize) -> f64| {
             [fit, check].map(|balance| {
@@ -49,23 +49,22 @@ impl Left<'_> {
         let nyquist = 0.5 * fit.signals.rate / fit.fourier.step() as f64;
         let on = |along: &Along| fit.signals.machine.has(*along);
         let place = |along: Along| {
-            let brakes = |balance: &Balance, row| match balance.signals.sense(along, row) < 0.0 {
-                true => -1.0,
-                false => 1.0,
-            };
-            rest::Place {
+            let factor = |balance: &Balance, row| balance.signals.factor(along, row);
+            let place = rest::Place {
                 name: along.name(),
                 values: both(&|balance, row| balance.signals.along(along, row)),
                 form: along.form(nyquist),
-                in_time: along == Along::Clock,
-                signs: (along == Along::TightPlace).then(|| both(&brakes)),
-            }
+                is_product: Along::PRODUCTS.contains(&along),
+                factors: along.factor().map(|_| both(&factor)),
+            };
+            (along, place)
         };
-        Along::ALL.into_iter().filter(on).map(place).collect()
+        let all = Along::ALL.into_iter().chain(Along::PRODUCTS);
+        all.filter(on).map(place).collect()
     }
 
     /// The residual of a channel, the greatest first, each with its sum of squares.
-    fn of(&self, loud: &ChannelRest, places: &[rest::Place]) -> Vec<(f64, Unexplained)> {
+    fn of(&self, loud: &ChannelRest, places: &[(Along, rest::Place)]) -> Vec<(f64, Unexplained)> {
         let index = loud.channel.index();
         let values = self
             .white
@@ -93,7 +92,9 @@ impl Left<'_> {
             above: 1.0,
             during: Vec::new(),
         };
-        let left = rest.remnants(places);
+        let places = places.iter().filter(|(along, _)| along.is_in(loud.channel));
+        let places: Vec<&rest::Place> = places.map(|(_, place)| place).collect();
+        let left = rest.remnants(&places);
         let any = !left.is_empty();
         let counts = |remnant: &Remnant| {
             let size = size * remnant.size;

@@ -3,7 +3,7 @@
 use super::words::prefix;
 use crate::regression::column::counted;
 use crate::report::{Channel, Coordinate};
-use crate::signal::leftover::Residual;
+use crate::signal::leftover::{Over, Residual};
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL, Chart, Label, Mark, Series, THIRD, WARM, chart};
 use page::document::{figure, legend};
@@ -377,7 +377,7 @@ fn spectrum(angle: &[f64], residual: &[f64], open: &[bool], top: f64) -> Vec<(f6
         // Only what passes from row to row counts here.
         rate: 1.0,
     };
-    let spectrum = residual.orders(angle, 0.0..top);
+    let spectrum = residual.orders(&Over::angle(angle, 0.0..top), 0.0..top);
     // What the order has of the whole record's power, as an amplitude: where only a few slow rows can show an order, it is
     // not to stand above one that all rows have.
     let rows = counted(open).max(1) as f64;

@@ -14,7 +14,7 @@ pub use pmsm::Pmsm;
 
 use crate::effects::family::Family;
 use crate::effects::parameter::Parameter;
-use crate::signal::along::Along;
+use crate::signal::along::{Along, Factor};
 use crate::signal::channel::Channel;
 use plant::Axis;
 use plant::effects::Place;
@@ -43,7 +43,14 @@ pub trait Machine: Debug + Sync {
     /// Whether its records have a coordinate.
     fn has(&self, along: Along) -> bool {
         match along {
-            Along::Angle(axis) | Along::Speed(axis) => self.axes().contains(&axis),
+            Along::Angle(axis)
+            | Along::Speed(axis)
+            | Along::SinceReversal(axis)
+            | Along::AngleTimes(axis, _)
+            | Along::SpeedTimes(axis, Factor::Current(_))
+            | Along::TimeTimes(
+                Factor::Direction(axis) | Factor::Speed(axis) | Factor::Current(axis),
+            ) => self.axes().contains(&axis),
             Along::Clock | Along::Time => true,
             _ => self.has_feed(),
         }

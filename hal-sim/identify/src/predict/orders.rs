@@ -2,7 +2,7 @@
 
 use super::basis::ORDERS;
 use super::side::Side;
-use crate::signal::leftover::{Form, Over, Residual};
+use crate::signal::leftover::{Over, Residual};
 
 /// Orders without a name at most beside the lowest whole ones, the highest of them, and how near to a whole one they are that.
 const FURTHER: usize = 12;
@@ -13,10 +13,7 @@ const WHOLE: f64 = 0.015;
 pub(crate) fn loudest_orders(side: &Side, highest: u32) -> Vec<f64> {
     let angle: Vec<f64> = side.at.iter().map(|at| at.angle).collect();
     let range = 0.3..f64::from(highest.min(HIGHEST_FURTHER));
-    let over = Over {
-        values: &angle,
-        form: Form::Repeats(range.clone()),
-    };
+    let over = Over::angle(&angle, range.clone());
     let mut left = side.left.clone();
     let mut orders: Vec<f64> = Vec::new();
     for _ in 0..FURTHER {

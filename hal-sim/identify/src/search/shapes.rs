@@ -50,21 +50,22 @@ pub(crate) fn strongest(
         }
         for along in Along::ALL
             .into_iter()
-            .filter(|along| signals.machine.has(*along) && !has_kind(channel, *along))
+            .filter(|along| signals.machine.has(*along) && along.is_in(channel))
+            .filter(|along| !has_kind(channel, *along))
         {
             let rows = || (0..values.len()).map(|row| row * fourier.step());
             let coordinate: Vec<f64> = rows().map(|row| signals.along(along, row)).collect();
+            let factors = (along.factor()).map(|_| {
+                rows()
+                    .map(|row| signals.factor(along, row))
+                    .collect::<Vec<f64>>()
+            });
             let over = Over {
                 values: &coordinate,
                 form: along.form(0.5 * rate),
+                factors: factors.as_deref(),
             };
-            let signs = rows().map(|row| signals.sense(along, row));
-            let values: Vec<f64> = values.iter().zip(signs).map(|(x, sign)| x * sign).collect();
-            let residual = Residual {
-                values: &values,
-                open,
-                rate,
-            };
+            let residual = Residual { values, open, rate };
             let Some(shape) = residual.shape(&over) else {
                 continue;
             };
@@ -106,7 +107,8 @@ pub(crate) fn as_force(hypothesis: &Hypothesis, machine: &dyn Machine) -> Option
         Family::Unnamed(own) if !own.is_force => own.along,
         _ => return None,
     };
-    let on_the_feed = !matches!(along, Along::Angle(_) | Along::Speed(_));
+    let on_the_feed =
+        along.is_in(Channel::Table) && !matches!(along, Along::Angle(_) | Along::Speed(_));
     let extent = match hypothesis.family {
         Family::Unnamed(own) => own.extent,
         _ => [0; 2],

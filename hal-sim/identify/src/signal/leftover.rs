@@ -12,7 +12,7 @@ const PIECES: usize = 40;
 const GOLDEN: f64 = 0.618_033_988_749_895;
 const SECTIONS: usize = 9;
 /// Rows that a piece needs to count.
-const LEAST_ROWS: usize = 8;
+const LEAST_ROWS: f64 = 8.0;
 
 /// What a shape is looked for over.
 pub struct Over<'a> {
@@ -20,6 +20,23 @@ pub struct Over<'a> {
     pub values: &'a [f64],
     /// What kind of shape.
     pub form: Form,
+    /// What a shape is multiplied with in each row, if with something.
+    pub factors: Option<&'a [f64]>,
+}
+
+impl<'a> Over<'a> {
+    /// What repeats with an angle.
+    pub fn angle(values: &'a [f64], orders: Range<f64>) -> Self {
+        Over {
+            values,
+            form: Form::Repeats(orders),
+            factors: None,
+        }
+    }
+
+    fn factor(&self, row: usize) -> f64 {
+        self.factors.map_or(1.0, |factors| factors[row])
+    }
 }
 
 /// Kind of a shape.
@@ -68,14 +85,10 @@ impl Curve {
 }
 
 impl Residual<'_> {
-    /// Rows that count, with a coordinate's value and theirs.
-    fn rows(&self, over: &Over) -> impl Iterator<Item = (f64, f64)> {
-        let counted = self.values.iter().zip(self.open);
-        over.values
-            .iter()
-            .zip(counted)
-            .filter(|(_, (_, open))| **open)
-            .map(|(at, (value, _))| (*at, *value))
+    /// Rows that count, with a coordinate's value, the factor and theirs.
+    fn rows(&self, over: &Over) -> impl Iterator<Item = (f64, f64, f64)> {
+        let rows = (0..self.values.len()).filter(|row| self.open[*row]);
+        rows.map(|row| (over.values[row], over.factor(row), self.values[row]))
     }
 
     /// The shape over a coordinate that explains most; `None` where the coordinate does not move.
@@ -87,19 +100,22 @@ impl Residual<'_> {
     }
 
     /// What repeats with an angle, at every order at once.
-    pub fn orders(&self, angle: &[f64], orders: Range<f64>) -> OrderSpectrum {
-        let stretches = stretches(angle, self.rate);
-        let open: Vec<f64> = stretches
-            .iter()
-            .map(|s| counted(&self.open[s.rows.clone()]) as f64)
-            .collect();
-        let weight = |stretch: usize, _: f64| open[stretch];
+    pub fn orders(&self, over: &Over, orders: Range<f64>) -> OrderSpectrum {
+        let stretches = stretches(over.values, self.rate);
+        let squares = |s: &Stretch| {
+            let open = s.rows.clone().filter(|row| self.open[*row]);
+            open.map(|row| over.factor(row).powi(2)).sum()
+        };
+        let squares: Vec<f64> = stretches.iter().map(squares).collect();
+        let weight = |stretch: usize, _: f64| squares[stretch];
+        let score = self.values.iter().enumerate();
+        let score: Vec<f64> = score.map(|(row, x)| over.factor(row) * x).collect();
         let nyquist = 0.5 * self.rate;
-        OrderSpectrum::new(self.values, angle, &stretches, &weight, nyquist, orders)
+        OrderSpectrum::new(&score, over.values, &stretches, &weight, nyquist, orders)
     }
 
     fn harmonic(&self, over: &Over, orders: Range<f64>) -> Option<Shape> {
-        let spectrum = self.orders(over.values, orders);
+        let spectrum = self.orders(over, orders);
         let order = *spectrum.peaks(1, 0.0).first()?;
         Some(Shape {
             fall: self.power(over, order),
@@ -111,23 +127,24 @@ impl Residual<'_> {
     /// Fall of the sum of squares that a harmonic of one order brings.
     fn power(&self, over: &Over, order: f64) -> f64 {
         let (c, s, n) = self.sums(over, order);
-        2.0 * (c * c + s * s) / f64::max(n, 1.0)
+        2.0 * (c * c + s * s) / f64::max(n, f64::MIN_POSITIVE)
     }
 
-    /// Products with cosine and sine of an order, and their rows.
+    /// Products with cosine and sine of an order, and the factors' sum of squares.
     fn sums(&self, over: &Over, order: f64) -> (f64, f64, f64) {
         let rows = (0..self.values.len()).filter(|&row| self.open[row] && shown(over, order, row));
         rows.fold((0.0, 0.0, 0.0), |(c, s, n), row| {
             let (sin, cos) = (order * over.values[row]).sin_cos();
-            let x = self.values[row];
-            (c + x * cos, s + x * sin, n + 1.0)
+            let factor = over.factor(row);
+            let x = factor * self.values[row];
+            (c + x * cos, s + x * sin, n + factor * factor)
         })
     }
 
     fn curve(&self, over: &Over) -> Option<Shape> {
         let (low, high) = self
             .rows(over)
-            .fold((f64::MAX, f64::MIN), |(a, b), (at, _)| {
+            .fold((f64::MAX, f64::MIN), |(a, b), (at, ..)| {
                 (a.min(at), b.max(at))
             });
         if low >= high {
@@ -139,20 +156,22 @@ impl Residual<'_> {
             width: (high - low) * (1.0 + 1e-9) / PIECES as f64,
             means: vec![0.0; PIECES],
         };
-        let mut counts = vec![0_usize; PIECES];
-        for (at, value) in self.rows(over) {
+        let mut squares = vec![0.0; PIECES];
+        for (at, factor, value) in self.rows(over) {
             if let Some(piece) = curve.piece(at) {
-                curve.means[piece] += value;
-                counts[piece] += 1;
+                curve.means[piece] += factor * value;
+                squares[piece] += factor * factor;
             }
         }
+        // Rows count by the factor's square in its mean.
+        let least = LEAST_ROWS * squares.iter().sum::<f64>() / counted(self.open) as f64;
         let mut fall = 0.0;
-        for (mean, count) in curve.means.iter_mut().zip(counts) {
-            *mean = match count {
-                ..LEAST_ROWS => 0.0,
-                _ => *mean / count as f64,
+        for (mean, square) in curve.means.iter_mut().zip(squares) {
+            *mean = match square > 0.0 && square >= least {
+                true => *mean / square,
+                false => 0.0,
             };
-            fall += count as f64 * *mean * *mean;
+            fall += square * *mean * *mean;
         }
         Some(Shape {
             fall,
@@ -167,8 +186,10 @@ impl Residual<'_> {
         match (&shape.curve, shape.order) {
             (Some(curve), _) => self
                 .rows(over)
-                .filter_map(|(at, value)| Some((curve.means[curve.piece(at)?], value)))
-                .map(|(mean, value)| mean * (2.0 * value - mean))
+                .filter_map(|(at, factor, value)| {
+                    Some((factor * curve.means[curve.piece(at)?], value))
+                })
+                .map(|(shape, value)| shape * (2.0 * value - shape))
                 .sum(),
             (None, Some(order)) => self.power(over, order),
             (None, None) => 0.0,
@@ -216,15 +237,14 @@ impl Residual<'_> {
         let open = (0..left.len()).filter(|row| self.open[*row]);
         if let Some(curve) = &shape.curve {
             for row in open {
-                left[row] -= curve
-                    .piece(over.values[row])
-                    .map_or(0.0, |piece| curve.means[piece]);
+                let piece = curve.piece(over.values[row]);
+                left[row] -= piece.map_or(0.0, |piece| over.factor(row) * curve.means[piece]);
             }
         } else if let Some(order) = shape.order {
             let (c, s, n) = self.sums(over, order);
             for row in open.filter(|row| shown(over, order, *row)) {
                 let (sin, cos) = (order * over.values[row]).sin_cos();
-                left[row] -= 2.0 / n * (c * cos + s * sin);
+                left[row] -= 2.0 / n * over.factor(row) * (c * cos + s * sin);
             }
         }
         left
@@ -310,10 +330,12 @@ mod tests {
             Over {
                 values: &angle,
                 form: Form::Repeats(0.3..60.0),
+                factors: None,
             },
             Over {
                 values: &position,
                 form: Form::Curve,
+                factors: None,
             },
         ];
         over.iter()

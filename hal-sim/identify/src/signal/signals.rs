@@ -1,7 +1,7 @@
 //! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
 
 use crate::machines::Machine;
-use crate::signal::along::Along;
+use crate::signal::along::{Along, Factor};
 use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
 use crate::signal::quantile::quantile_of_sizes;
@@ -31,6 +31,8 @@ pub struct MotorSignals {
     pub theta: Vec<f64>,
     /// Speed, rad/s, to [`SPEED_BANDWIDTH_HZ`].
     pub omega: Vec<f64>,
+    /// Angle since the last reversal, rad, up to [`MOST_SINCE`].
+    pub since: Vec<f64>,
     /// cos and sin of the measured electrical angle.
     pub rotor: Vec<(f64, f64)>,
     /// Measured currents in the rotor's frame, A.
@@ -135,6 +137,28 @@ fn mean_square(column: &[f64]) -> f64 {
     column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
 }
 
+/// Angle since a reversal that is told from a longer one, rad: what friction or a clutch winds up is less than a turn.
+const MOST_SINCE: f64 = TAU;
+/// Encoder counts of a way back that is a reversal: rounding and noise move an angle that rests by one or two.
+const REVERSAL_COUNTS: f64 = 4.0;
+
+/// Angle at each row since the last reversal.
+fn since_reversal(travel: &[f64], count: f64) -> Vec<f64> {
+    let (mut way, mut turned, mut furthest) = (0.0_f64, f64::INFINITY, 0.0);
+    let rows = travel.iter().map(|&angle| {
+        if (angle - furthest) * way > 0.0 {
+            furthest = angle;
+        } else if (angle - furthest).abs() > REVERSAL_COUNTS * count {
+            // Where it was before the first reversal is not known.
+            turned = if way == 0.0 { f64::INFINITY } else { furthest };
+            way = (angle - furthest).signum();
+            furthest = angle;
+        }
+        (angle - turned).abs().min(MOST_SINCE)
+    });
+    rows.collect()
+}
+
 impl MotorSignals {
     fn new(recording: &Recording, axis: Axis, model: &Model, fourier: &Fourier, rate: f64) -> Self {
         let record = recording.axis(axis);
@@ -200,6 +224,7 @@ impl MotorSignals {
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),
             acceleration,
+            since: since_reversal(&travel, TAU / f64::from(counts)),
             i_d_rate: fourier.slope(&i_d),
             i_q_rate: fourier.slope(&i_q),
             travel,
@@ -220,21 +245,26 @@ impl Signals {
     /// The value of a coordinate at a row: an angle in rad, of the clock one turn a second.
     pub fn along(&self, along: Along, row: usize) -> f64 {
         match along {
-            Along::Angle(axis) => self.motors[axis.index()].theta[row],
+            Along::Angle(axis) | Along::AngleTimes(axis, _) => self.motors[axis.index()].theta[row],
             Along::RelativeAngle => self.motors[0].theta[row] - self.motors[1].theta[row],
             Along::Clock => TAU * self.time[row],
-            Along::Speed(axis) => self.motors[axis.index()].omega[row],
+            Along::Speed(axis) | Along::SpeedTimes(axis, _) => self.motors[axis.index()].omega[row],
+            Along::SinceReversal(axis) => self.motors[axis.index()].since[row],
             Along::RelativeSpeed => self.relative_speed[row],
             Along::TablePosition | Along::TightPlace => self.table[row],
-            Along::Time => self.time[row],
+            Along::Time | Along::TimeTimes(_) => self.time[row],
         }
     }
 
-    /// What a shape over a coordinate is multiplied with at a row: the direction for what brakes.
-    pub fn sense(&self, along: Along, row: usize) -> f64 {
-        match along {
-            Along::TightPlace => rounded_sign(self.relative_speed[row], 0.0),
-            _ => 1.0,
+    /// What a shape over a coordinate is multiplied with at a row.
+    pub fn factor(&self, along: Along, row: usize) -> f64 {
+        let motor = |axis: Axis| &self.motors[axis.index()];
+        match along.factor() {
+            Some(Factor::Direction(axis)) => rounded_sign(motor(axis).omega[row], 0.0),
+            Some(Factor::RelativeDirection) => rounded_sign(self.relative_speed[row], 0.0),
+            Some(Factor::Speed(axis)) => motor(axis).omega[row],
+            Some(Factor::Current(axis)) => motor(axis).i_q_smooth[row],
+            None => 1.0,
         }
     }
 
@@ -289,5 +319,24 @@ impl Signals {
     /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.time.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_angle_since_a_reversal_starts_where_it_turns_round() {
+        // Forth by 40 counts, at rest with noise of a count, back by 30, forth by 300.
+        let forth = (0..=40).chain([39, 40, 41, 40]);
+        let counts = forth.chain((10..=40).rev()).chain(11..=310);
+        let travel: Vec<f64> = counts.map(|count| 0.05 * f64::from(count)).collect();
+        let since = since_reversal(&travel, 0.05);
+        // What was before the first row is not known.
+        assert!(since[..48].iter().all(|x| *x == MOST_SINCE));
+        let at = |row: usize| (since[row] / 0.05).round();
+        assert_eq!((at(75), at(75 + 100)), (31.0, 100.0));
+        assert_eq!(since[travel.len() - 1], MOST_SINCE);
     }
 }

@@ -201,6 +201,7 @@ pub(super) fn said(case: usize, run: usize, strength: f64) -> Said {
     }
     Said {
         sure: matches!(report.verdict, "explained" | "nothing missing"),
+        is_below: false,
         names: report.effects.len(),
         excess: [0.0; 2],
         curves: 0,

@@ -28,8 +28,8 @@ impl Unnamed {
         let one = |value: &dyn Fn(f64) -> f64| {
             let mut sum = Contribution::default();
             let hz = SMOOTH_HZ.max(order * fastest / TAU);
-            let sign = |row: usize| balance.signals.sense(self.along, row);
-            let shape = |row: usize| sign(row) * value(at(row));
+            let factor = |row: usize| balance.signals.factor(self.along, row);
+            let shape = |row: usize| factor(row) * value(at(row));
             if self.is_force {
                 return balance.guideway(shape);
             }

@@ -49,13 +49,7 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
             .collect()
     };
     let both = |of: &dyn Fn(&Record) -> Vec<f64>| records.map(of);
-    let place = |name, form, in_time, of: &dyn Fn(&Record) -> Vec<f64>| Place {
-        name,
-        values: both(of),
-        form,
-        in_time,
-        signs: None,
-    };
+    let place = |name, form, of: &dyn Fn(&Record) -> Vec<f64>| Place::plain(name, both(of), form);
     let way = |record: &Record| velocity_of(record).iter().map(|v| v.signum()).collect();
     let lead = axes[0].lead_m;
     let position = |record: &Record| record.position.clone();
@@ -65,15 +59,15 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         (0..record.len()).map(|row| turn * row as f64).collect()
     };
     let places = [
-        place(SCREW, Form::Repeats(ORDERS), false, &turns),
-        place(VELOCITY, Form::Curve, false, &velocity_of),
-        place(POSITION, Form::Curve, false, &position),
+        place(SCREW, Form::Repeats(ORDERS), &turns),
+        place(VELOCITY, Form::Curve, &velocity_of),
+        place(POSITION, Form::Curve, &position),
         Place {
-            signs: Some(both(&way)),
-            ..place(GUIDEWAY, Form::Curve, false, &position)
+            factors: Some(both(&way)),
+            ..place(GUIDEWAY, Form::Curve, &position)
         },
-        place(TIME, Form::Repeats(HZ), true, &clock),
-        place(TIME, Form::Curve, false, &clock),
+        place(TIME, Form::Repeats(HZ), &clock),
+        place(TIME, Form::Curve, &clock),
     ];
     let rest = Rest {
         values: [axes[0].left(records[0]), axes[1].left(records[1])],
@@ -83,7 +77,7 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         floor: floor.is_finite().then_some([floor; 2]),
         above: ABOVE,
     };
-    rest.remnants(&places)
+    rest.remnants(&places.each_ref())
 }
 
 /// The coordinate that a term is a law over.

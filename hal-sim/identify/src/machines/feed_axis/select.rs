@@ -16,7 +16,7 @@ use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::butterworth_100;
-use crate::signal::leftover::{Form, Over, Residual};
+use crate::signal::leftover::{Over, Residual};
 use std::f64::consts::TAU;
 
 /// Orders at most.
@@ -449,13 +449,10 @@ fn strongest_order(axis: &Axis, record: &Record) -> Option<Term> {
         rate,
     };
     let known = axis.orders();
-    let spectrum = residual.orders(&angle, ORDERS.start..ORDERS.end.min(TAU * BAND_HZ / slow));
+    let over = Over::angle(&angle, ORDERS);
+    let spectrum = residual.orders(&over, ORDERS.start..ORDERS.end.min(TAU * BAND_HZ / slow));
     let mut peaks = spectrum.peaks(MOST + 1, APART).into_iter();
     let order = peaks.find(|order| known.iter().all(|other| (order - other).abs() > APART))?;
-    let over = Over {
-        values: &angle,
-        form: Form::Repeats(ORDERS),
-    };
     let order = residual.sharpest(&over, order);
     let near = (order - order.round()).abs() < WHOLE;
     Some(Term::Periodic(if near { order.round() } else { order }))

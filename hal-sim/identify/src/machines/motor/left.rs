@@ -2,7 +2,7 @@
 
 use super::fit::Fit;
 use super::orders::HIGHEST;
-use crate::conclusion::rest::{ABOVE, Place, Remnant, Rest};
+use crate::conclusion::rest::{ABOVE, Place, Remnant, Rest, TIME};
 use crate::signal::fourier::slope;
 use crate::signal::leftover::Form;
 use std::f64::consts::TAU;
@@ -27,28 +27,19 @@ pub(super) fn remnants(
             .map(|row| TAU * row as f64 / rate)
             .collect()
     };
+    let orders = LOWEST..f64::from(HIGHEST.min(highest.max(1)));
     let places = [
-        Place {
-            name: "angle of the motor",
-            values: positions.map(Vec::clone),
-            form: Form::Repeats(LOWEST..f64::from(HIGHEST.min(highest.max(1)))),
-            in_time: false,
-            signs: None,
-        },
-        Place {
-            name: "speed of the motor",
-            values: positions.map(|position| slope(position, rate)),
-            form: Form::Curve,
-            in_time: false,
-            signs: None,
-        },
-        Place {
-            name: "time",
-            values: positions.map(clock),
-            form: Form::Repeats(LOWEST_HZ..hz),
-            in_time: true,
-            signs: None,
-        },
+        Place::plain(
+            "angle of the motor",
+            positions.map(Vec::clone),
+            Form::Repeats(orders),
+        ),
+        Place::plain(
+            "speed of the motor",
+            positions.map(|position| slope(position, rate)),
+            Form::Curve,
+        ),
+        Place::plain(TIME, positions.map(clock), Form::Repeats(LOWEST_HZ..hz)),
     ];
     let rest = Rest {
         open,
@@ -58,5 +49,5 @@ pub(super) fn remnants(
         floor: noise.is_finite().then_some([noise; 2]),
         above: ABOVE,
     };
-    rest.remnants(&places)
+    rest.remnants(&places.each_ref())
 }

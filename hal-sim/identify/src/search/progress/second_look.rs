@@ -112,7 +112,10 @@ impl Progress {
         let is_measurable = |own: &Hypothesis| match own.family {
             Family::Unnamed(own) => {
                 (own.is_force || matches!(own.channel, Channel::Torque(_)))
-                    && !matches!(own.along, Along::Clock | Along::Time)
+                    && !matches!(
+                        own.along,
+                        Along::Clock | Along::Time | Along::SinceReversal(_)
+                    )
             }
             _ => false,
         };
