@@ -32,6 +32,14 @@ impl OrderSlot<'_> {
         }
     }
 
+    /// Forgets its coefficient.
+    fn forget(&mut self) {
+        match self {
+            Self::Torque(order) => **order = TorqueOrderPlate::unknown(order.order),
+            Self::Speed(order) => **order = OrderPlate::unknown(order.order),
+        }
+    }
+
     /// Takes the order away.
     pub fn clear(&mut self) {
         match self {
@@ -70,16 +78,19 @@ fn whole_orders(known: &mut Known) {
 
 /// After a restart an encoder with index and an absolute one tell where in its turn a rotor stands, and with it the phase of whole orders. An
 /// incremental encoder without index counts from where its shaft stands: alignment then tells the electrical angle, and with it the phase of
-/// whole orders of that alone.
+/// whole orders of that alone. A drive that learns has the others without their coefficients.
 pub fn leave_out_lost(model: &Model, known: &mut Known) {
     whole_orders(known);
     let incremental = |axis| model.sensing.encoder_kind(axis) == EncoderKind::Incremental;
     let Known {
         compensation, left, ..
     } = known;
+    let learns = compensation.learning_s != 0.0;
     let mut leave_out = |mut slot: OrderSlot<'_>, what: &str, why: &str| {
         let order = *slot.order();
-        if order != 0.0 {
+        if learns {
+            slot.forget();
+        } else if order != 0.0 {
             left.push(format!("order {order} of {what}: {why}"));
             slot.clear();
         }
@@ -141,6 +152,19 @@ mod tests {
                     im: 0.0,
                 };
             }
+            let mut learning = known.clone();
+            learning.compensation.learning_s = 0.5;
+            leave_out_lost(&model, &mut learning);
+            let left = learning
+                .compensation
+                .travel
+                .map(|line| (line.order, line.re));
+            let of_two = if expected[0] == 2.0 { 1e-3 } else { 0.0 };
+            assert_eq!(
+                left[..3],
+                [(2.0, of_two), (20.0, 1e-3), (2.5, 0.0)],
+                "{encoder:?}, learning"
+            );
             leave_out_lost(&model, &mut known);
             let kept = known.compensation.travel.map(|line| line.order);
             assert_eq!(kept[..3], [expected[0], expected[1], 0.0], "{encoder:?}");

@@ -99,7 +99,7 @@ impl Settings {
     /// wanders by one rpm, so that no harmonic of an encoder's counts keeps in step with an order.
     #[must_use]
     pub const fn smooth(mut self) -> Self {
-        self.compensation.learning_s = 0.5;
+        self.compensation.learning_s = CompensationPlate::LEARNING_S;
         (self.base.wander_rpm, self.base.wander_s) = (1.0, 2.0);
         self.screw_friction = FrictionSettings::LEAST;
         self.nut_friction = FrictionSettings::LEAST;

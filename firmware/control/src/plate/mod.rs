@@ -108,6 +108,9 @@ pub struct CompensationPlate {
 }
 
 impl CompensationPlate {
+    /// Time constant of a drive that learns, s. `cargo xtask bench smooth` measures with it.
+    pub const LEARNING_S: f64 = 0.5;
+
     /// Nothing is compensated.
     pub const NONE: Self = Self {
         torque: [[TorqueOrderPlate::NONE; TORQUES]; 2],

@@ -238,6 +238,13 @@ impl Setting {
         matches!(group, 10..=18)
     }
 
+    /// It says how what is compensated is learned.
+    #[must_use]
+    pub fn learns(&self) -> bool {
+        let [group, _] = self.id.to_be_bytes();
+        group == 9
+    }
+
     /// Checks a value against the kind and range.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ pub use search::{Found, Orders, orders};
 use crate::record::set_encoder_kinds;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use control::plate::DrivePlate;
+use control::plate::{CompensationPlate, DrivePlate};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
 use hal_sim::smooth::kept::{compensated, leave_out_lost};
@@ -85,10 +85,10 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
         Coupling::Coupled
     };
     let mut setup = Setup::declared(model, coupling);
-    let plain = plate(options, &mut setup)?;
+    let (plain, learning_s) = plate(options, &mut setup)?;
     let (known, predicted, shown) = match &options.recording {
         Some(file) if options.search => {
-            let (known, shown) = searched(file, &setup, known)?;
+            let (known, shown) = searched(file, &setup, known, learning_s)?;
             (known, Vec::new(), Some(shown))
         }
         _ => {
@@ -99,7 +99,9 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
     };
     if let Some(file) = &options.settings {
         let settings = Settings::of_plate(&compensated(&plain, &known));
-        crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
+        // Orders that were searched are learned on.
+        let some = |setting: &Setting| setting.compensates() || options.search && setting.learns();
+        crate::output::put_new(file, &some_to_toml(&settings, some))?;
     }
     Ok(Compensation {
         known,
@@ -108,13 +110,16 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
     })
 }
 
-/// The orders that a recording shows in place of the model's effects. Its friction stays.
-fn searched(file: &Path, setup: &Setup, known: Known) -> Result<(Known, Orders)> {
+/// The orders that a recording shows in place of the model's effects. Its friction stays. The drive goes on learning them.
+fn searched(file: &Path, setup: &Setup, known: Known, learning_s: f64) -> Result<(Known, Orders)> {
     let recording = load(file)?;
     ripple_interval_s(&recording)?;
     let shown = orders(&recording, &setup.model);
     let mut known = Known {
-        compensation: shown.plate(),
+        compensation: CompensationPlate {
+            learning_s,
+            ..shown.plate()
+        },
         left: Vec::new(),
         ..known
     };
@@ -126,11 +131,12 @@ fn load(file: &Path) -> Result<Recording> {
     Recording::load(file).with_context(|| format!("the recording {}", file.display()))
 }
 
-/// What the drive is given without a compensation. What its settings say of the encoders is the machine's.
-fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
+/// What the drive is given without a compensation, and the time constant with which it learns, s. What its settings say of the encoders is the
+/// machine's.
+fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<(DrivePlate, f64)> {
     let plate = setup.plate();
     let Some(file) = &options.drive else {
-        return Ok(plate);
+        return Ok((plate, CompensationPlate::LEARNING_S));
     };
     let text =
         fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
@@ -143,7 +149,11 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
     let tuned = settings.plate(&plate.board);
     // What the drive compensates, the bridges have. A recording shows the residual, and the model has that as an effect.
     setup.board.dead_time_s = tuned.bridge.dead_time_s;
-    Ok(DrivePlate {
+    let learning_s = match tuned.compensation.learning_s {
+        0.0 => CompensationPlate::LEARNING_S,
+        learning_s => learning_s,
+    };
+    let plate = DrivePlate {
         tuning: tuned.tuning,
         feed: tuned.feed,
         bridge: control::plate::BridgePlate {
@@ -152,7 +162,8 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
             ..plate.bridge
         },
         ..plate
-    })
+    };
+    Ok((plate, learning_s))
 }
 
 /// Where the ripple is predicted: at the holds of the recording, or where it is asked.

@@ -21,7 +21,7 @@ use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 
 /// Time constant of the drive's learning, s.
-pub const LEARNING_S: f64 = 0.5;
+pub const LEARNING_S: f64 = CompensationPlate::LEARNING_S;
 /// Time that a controller learns from cold, s.
 pub const COLD_S: f64 = 12.0;
 /// Time from saved tables, s.
