@@ -1,4 +1,4 @@
-//! Ripple whose orders no setting names, on the elastic machine: the orders are searched in a recording, then learned.
+//! Ripple whose orders no setting names, on the elastic machine and on boards as they ship: the orders are searched in a recording, then learned.
 
 use super::machine::without_ripple;
 use super::{Machine, drive, orders, settle, setup, velocities};
@@ -27,7 +27,7 @@ const RECORDED_RPM: [f64; 3] = [150.0, 300.0, 700.0];
 const HOLD_S: f64 = 4.0;
 /// Standard deviation of the instant at which an encoder is read, s.
 const JITTER_S: f64 = 0.2e-6;
-/// The loads under which it is recorded, of the machine's.
+/// The loads under which it is recorded, of the machine's. A board that ships has none.
 const LOADS: [f64; 2] = [0.2, 1.0];
 
 /// What the machine has beside the defects of all.
@@ -80,8 +80,8 @@ impl Undeclared {
     }
 
     /// The machine with it.
-    fn setup(self) -> Setup {
-        let mut setup = setup(Machine::Coupled, 1);
+    fn setup(self, machine: Machine) -> Setup {
+        let mut setup = setup(machine, 1);
         setup.model.feed.axial_damping_ratio = DAMPING;
         let (model, sensors) = (&mut setup.model, &mut setup.board.sensors);
         let mut add = |place, effect: AnyEffect| {
@@ -147,12 +147,12 @@ impl Undeclared {
     }
 }
 
-/// Ripple of the table at 2.5 mm/s (Eq 19), %, in CDFS and in DDFS at a nut speed in rpm, of one case.
+/// Ripple of the table at 2.5 mm/s (Eq 19), %, at a nut speed in rpm; 0 is CDFS.
 ///
 /// # Errors
 /// [`ExperimentError`] if the drive cannot be configured or is stopped by a fault.
-pub fn ripple(case: Undeclared, nut_rpm: f64) -> Result<f64, ExperimentError> {
-    let setup = case.setup();
+pub fn ripple(machine: Machine, case: Undeclared, nut_rpm: f64) -> Result<f64, ExperimentError> {
+    let setup = case.setup(machine);
     let point = OperatingPoint {
         velocity: VELOCITY,
         base: nut_rpm * RPM,

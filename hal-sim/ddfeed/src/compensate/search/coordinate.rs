@@ -1,7 +1,7 @@
 //! An angle that something may repeat with, over all holds.
 
 use fft::Complex64;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Repetitions that a hold must have of an order.
 pub(super) const LEAST_TURNS: f64 = 1.5;
@@ -27,6 +27,8 @@ pub(super) struct Coordinate {
     /// Lines that a drive has room for, and the highest order.
     pub(super) room: usize,
     pub(super) order_max: f64,
+    /// What the rounding to whole counts makes of the angle at one frequency, rad.
+    rounding: f64,
 }
 
 impl Coordinate {
@@ -35,6 +37,7 @@ impl Coordinate {
         interval_s: f64,
         shows: Shows,
         (room, order_max): (usize, f64),
+        counts_per_turn: u32,
     ) -> Self {
         let speed = |angle: &Vec<f64>| {
             let turned = angle[angle.len() - 1] - angle[0];
@@ -46,7 +49,14 @@ impl Coordinate {
             shows,
             room,
             order_max,
+            // The first harmonic of a sawtooth of one count.
+            rounding: TAU / f64::from(counts_per_turn) / PI,
         }
+    }
+
+    /// That an order in a hold is more than rounding makes, where it moves the shaft by `speed`, rad/s.
+    pub(super) fn is_above_rounding(&self, hold: usize, order: f64, speed: f64) -> bool {
+        speed > self.rounding * order * self.speeds[hold].abs()
     }
 
     /// Signal per coefficient in a hold; `None` where it does not show.

@@ -1,7 +1,7 @@
 //! The lines of a signal: the strongest is taken, all are fitted together, and the next is looked for in the rest.
 
 use super::coordinate::{Coordinate, LEAST_TURNS};
-use super::tones::{Apart, Tone, median, padded, refined, scanned, together};
+use super::tones::{Apart, Tone, is_foretold, median, padded, refined, scanned, together};
 use fft::Complex64;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -40,7 +40,9 @@ pub(super) struct Search {
     pub(super) interval_s: f64,
     /// Of the holds, where they differ.
     pub(super) loads: Option<Vec<f64>>,
-    /// The signal in each hold that is the table's own speed.
+    /// The signal of a speed of 1 rad/s.
+    pub(super) per_speed: f64,
+    /// Speed of the screw against the nut in each hold, rad/s.
     pub(super) table: Vec<f64>,
 }
 
@@ -61,13 +63,18 @@ impl Search {
         kept.into_iter().zip(fitted).collect()
     }
 
-    /// That a line is of the table's speed at least [`MOVES`] in a hold.
+    /// That a line is of the table's speed at least [`MOVES`] in a hold. One that is not whole must be more than the encoder's rounding.
     fn moves(&self, line: &Line, [fixed, per_load]: &Parts) -> bool {
         let coordinate = &self.coordinates[line.coordinate];
         self.table.iter().enumerate().any(|(hold, table)| {
             let gain = coordinate.gain(hold, line.order, self.interval_s);
-            let shown = |gain: Complex64| (gain * (fixed + per_load * self.load(hold))).norm();
-            gain.is_some_and(|gain| shown(gain) > MOVES * table.abs())
+            gain.is_some_and(|gain| {
+                let shown = (gain * (fixed + per_load * self.load(hold))).norm();
+                let speed = shown / self.per_speed;
+                let rounded = line.order.fract() != 0.0
+                    && !coordinate.is_above_rounding(hold, line.order, speed);
+                speed > MOVES * table.abs() && !rounded
+            })
         })
     }
 
@@ -139,6 +146,7 @@ impl Search {
                 let (most, order) = scanned(order, spacing, coordinate.finest(), fall);
                 if most > least
                     && best.is_none_or(|(before, ..)| most > before)
+                    && is_foretold(&tones(order))
                     && !self.leaks(coordinate, &tones(order), order, most, known)
                 {
                     best = Some((most, k, order));

@@ -73,6 +73,35 @@ impl Orders {
             ..CompensationPlate::NONE
         }
     }
+
+    /// Where there is room, the usual orders too: a recording without a load hardly shows harmonics of the flux.
+    fn add_usual(&mut self, model: &Model) {
+        let pole_pairs = Axis::ALL.map(|axis| model.motor(axis).pole_pairs);
+        let scale_count_m = model.installation.scale_count_m;
+        let usual = CompensationPlate::usual(pole_pairs, 0.0, scale_count_m);
+        for (found, usual) in self.torque.iter_mut().zip(usual.torque) {
+            add_missing(found, usual.iter().map(|plate| plate.order));
+        }
+        for (found, usual) in self.angle.iter_mut().zip(usual.angle) {
+            add_missing(found, usual.iter().map(|plate| plate.order));
+        }
+        add_missing(
+            &mut self.travel,
+            usual.travel.iter().map(|plate| plate.order),
+        );
+    }
+}
+
+/// Orders that are not among those that were found, after them. What has no room, the plate leaves out.
+fn add_missing(found: &mut Vec<Found>, usual: impl Iterator<Item = f64>) {
+    for order in usual.filter(|order| *order != 0.0) {
+        if !found
+            .iter()
+            .any(|found| (found.order - order).abs() < SAME_ORDER)
+        {
+            found.push(Found::unknown(order));
+        }
+    }
 }
 
 fn torque_plates(found: &[Found]) -> [TorqueOrderPlate; TORQUES] {
@@ -124,11 +153,13 @@ pub fn orders(recording: &Recording, model: &Model) -> Orders {
             travel.push(Found::unknown(torque.order));
         }
     }
-    Orders {
+    let mut found = Orders {
         torque: [screw, nut],
         angle: [of(0), of(1)],
         travel,
-    }
+    };
+    found.add_usual(model);
+    found
 }
 
 /// The lines of one coordinate, distinguished by what of them scales with the holds' loads where these differ.

@@ -60,7 +60,11 @@ impl<'a> Settled<'a> {
 
     fn coordinate(&self, k: usize, shows: Shows, room: (usize, f64)) -> Coordinate {
         // A speed lies between two rows, and so does a current that was summed up to a row.
-        Coordinate::new(between_rows(&self.angles[k]), self.interval_s, shows, room)
+        let sensing = &self.model.sensing;
+        let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
+        let counts = [screw, nut, screw.min(nut)][k];
+        let angles = between_rows(&self.angles[k]);
+        Coordinate::new(angles, self.interval_s, shows, room, counts)
     }
 
     /// Mean speed of the screw against the nut in each hold, rad/s.
@@ -106,11 +110,9 @@ impl<'a> Settled<'a> {
                 self.coordinate(1 - own, Shows::Momentum, (TORQUES, TORQUE_ORDER_MAX)),
             ],
             interval_s,
-            loads: differing(currents.iter().map(|current| mean(current)).collect()),
-            table: self
-                .relative_speeds()
-                .map(|speed| per_speed * speed)
-                .collect(),
+            loads: differing(&currents),
+            per_speed,
+            table: self.relative_speeds().collect(),
         }
     }
 
@@ -139,6 +141,7 @@ impl<'a> Settled<'a> {
             ],
             interval_s,
             loads: None,
+            per_speed: 1.0,
             table: self.relative_speeds().collect(),
         }
     }
@@ -150,14 +153,19 @@ fn over(holds: &[Hold], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
     holds.iter().map(of_hold).collect()
 }
 
-/// The loads, if they differ enough to tell what scales with them.
-fn differing(loads: Vec<f64>) -> Option<Vec<f64>> {
-    let most = loads
-        .iter()
-        .fold(0.0, |most: f64, load| most.max(load.abs()));
-    let least = loads.iter().fold(f64::MAX, |a, b| a.min(*b));
-    let largest = loads.iter().fold(f64::MIN, |a, b| a.max(*b));
-    (largest - least > LOADS_DIFFER * most).then_some(loads)
+/// The loads, if they differ enough to tell what scales with them: by more than the current ripples.
+fn differing(currents: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let loads: Vec<f64> = currents.iter().map(|current| mean(current)).collect();
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::MIN, f64::max);
+    let most = largest(&mut loads.iter().map(|load| load.abs()));
+    let difference =
+        largest(&mut loads.iter().copied()) + largest(&mut loads.iter().map(|load| -load));
+    let variance = |(current, load): (&Vec<f64>, &f64)| {
+        let squares = current.iter().map(|value| (value - load).powi(2));
+        squares.sum::<f64>() / current.len() as f64
+    };
+    let ripple = largest(&mut currents.iter().zip(&loads).map(variance)).sqrt();
+    (difference > (LOADS_DIFFER * most).max(ripple)).then_some(loads)
 }
 
 /// The measured q current of a row, A: power-invariant, of two phases whose third is minus their sum.

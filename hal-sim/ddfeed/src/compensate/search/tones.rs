@@ -6,6 +6,10 @@ use fft::Complex64;
 const NOT_WHOLE: f64 = 2.0;
 /// How often an order that is not whole is looked for ten times as closely.
 const FINER: usize = 2;
+/// What a hold has of an order may differ by this part from what the other holds foretell. Near a resonance it differs. Our choice.
+const FORETOLD: f64 = 0.7;
+/// Square of the part by which loads differ, from which a line over the load is drawn.
+const LOADS_DIFFER: f64 = 1e-4;
 /// How often a spectrum's lines are padded.
 const PADDED: usize = 4;
 
@@ -66,12 +70,39 @@ pub(super) fn together(tones: &[Tone]) -> f64 {
     let spread = moments - moment * moment / square;
     let fixed = sum.norm_sqr() / square;
     // Loads that hardly differ say nothing of what scales with them.
-    let scaled = if spread > 1e-9 * moments {
+    let scaled = if spread > LOADS_DIFFER * moments {
         (loaded - sum * (moment / square)).norm_sqr() / spread
     } else {
         0.0
     };
     2.0 * (fixed + scaled)
+}
+
+/// That the other holds foretell the hold that shows the most. Otherwise something repeats there that is no order.
+pub(super) fn is_foretold(tones: &[Tone]) -> bool {
+    let most = tones.iter().max_by(|a, b| a.fall().total_cmp(&b.fall()));
+    let Some(most) = most else {
+        return false;
+    };
+    let others = || tones.iter().filter(|tone| tone.hold != most.hold);
+    let weight = |tone: &Tone| tone.gain.norm_sqr() * tone.rows;
+    let square: f64 = others().map(weight).sum();
+    if square <= 0.0 {
+        return false;
+    }
+    let mean = |of: &dyn Fn(&Tone) -> Complex64| others().map(of).sum::<Complex64>() / square;
+    let load = mean(&|tone| (weight(tone) * tone.load).into()).re;
+    let spread: f64 = others()
+        .map(|tone| weight(tone) * (tone.load - load).powi(2))
+        .sum();
+    let share = |tone: &Tone| tone.gain.conj() * tone.sum;
+    let mut coefficient = mean(&share);
+    if spread > LOADS_DIFFER * square * load * load {
+        let slope = mean(&|tone| share(tone) * (tone.load - load)) * (square / spread);
+        coefficient += slope * (most.load - load);
+    }
+    let foretold = most.gain * coefficient * most.rows;
+    (foretold - most.sum).norm() < FORETOLD * most.sum.norm()
 }
 
 /// The most that `fall` has within `spacing` of `order`, and where. A whole order is taken if it takes about as much.
