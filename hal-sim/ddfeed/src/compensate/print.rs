@@ -92,13 +92,16 @@ fn print_shown(shown: &Orders) {
     println!("What the recording shows, and the part of it that scales with the load:");
     for (what, found) in shown_lists(shown) {
         for one in found {
+            let size = match one.coefficient.norm() {
+                0.0 => "is learned".into(),
+                size => format!("{size:.3e}"),
+            };
             let scales = one
                 .scales
                 .map_or("unknown".into(), |part| format!("{:.0} %", 100.0 * part));
             println!(
-                "  {what:<18} order {:>8.3}   size {:>10.3e}   scales {scales}",
-                one.order,
-                one.coefficient.norm()
+                "  {what:<18} order {:>8.3}   size {size:>10}   scales {scales}",
+                one.order
             );
         }
     }
