@@ -137,7 +137,7 @@ fn mean_square(column: &[f64]) -> f64 {
     column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
 }
 
-/// Angle since a reversal that is told from a longer one, rad: what friction or a clutch winds up is less than a turn.
+/// Largest angle since a reversal that is distinguished, rad. What friction or a clutch winds up is less than a turn.
 const MOST_SINCE: f64 = TAU;
 /// Encoder counts of a way back that is a reversal: rounding and noise move an angle that rests by one or two.
 const REVERSAL_COUNTS: f64 = 4.0;

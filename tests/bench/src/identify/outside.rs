@@ -541,7 +541,7 @@ fn told(kind: &Kind, is_double: bool, seed: u64, strength: f64) -> Said {
     }
 }
 
-/// The least rms of a q voltage above which nothing is said to be missing.
+/// The smallest rms of a q voltage above which the verdict states that nothing is missing.
 fn stated_volts(outcome: &Outcome) -> f64 {
     let all = outcome.channels.iter();
     let volts = all.filter(|rest| matches!(rest.channel, Channel::VoltageQ(_)));

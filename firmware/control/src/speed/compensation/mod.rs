@@ -591,13 +591,15 @@ fn tune_torque(
     line.tune(gives, learns, config.torque_max);
 }
 
+/// That a motor's torque has an order.
 fn has(lines: &[Line; TORQUES], order: Order) -> bool {
     lines.iter().any(|line| line.order() == order)
 }
 
 /// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `slower` is the slower motion of those that
 /// distinguish it from others. The motor has a torque of the same order if that is `shared`: once it is learned, the speed follows a
-/// reference at once. The model's phase is then wrong by that of the loops, so nothing is learned where they lag by more than 76 degrees. Zero without a scale: encoders and lead then keep their saved values.
+/// reference at once. The model's phase is then wrong by that of the loops, so nothing is learned where they lag by more than 76 degrees.
+/// Zero without a scale: encoders and lead then keep their saved values.
 #[inline(never)]
 fn learning(
     config: &CompensationConfig,

@@ -17,6 +17,15 @@ pub(super) enum Shows {
     Speed(f64),
 }
 
+/// Mean speed over each hold, rad/s.
+pub(super) fn mean_speeds(angles: &[Vec<f64>], interval_s: f64) -> Vec<f64> {
+    let speed = |angle: &Vec<f64>| {
+        let turned = angle[angle.len() - 1] - angle[0];
+        turned / (interval_s * (angle.len() - 1) as f64)
+    };
+    angles.iter().map(speed).collect()
+}
+
 /// An angle that something may repeat with.
 pub(super) struct Coordinate {
     /// Over each hold, rad.
@@ -39,12 +48,8 @@ impl Coordinate {
         (room, order_max): (usize, f64),
         counts_per_turn: u32,
     ) -> Self {
-        let speed = |angle: &Vec<f64>| {
-            let turned = angle[angle.len() - 1] - angle[0];
-            turned / (interval_s * (angle.len() - 1) as f64)
-        };
         Self {
-            speeds: angles.iter().map(speed).collect(),
+            speeds: mean_speeds(&angles, interval_s),
             angles,
             shows,
             room,

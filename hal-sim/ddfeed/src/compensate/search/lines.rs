@@ -23,7 +23,6 @@ const BY_ITSELF: f64 = 0.3;
 const MOVES: f64 = 2e-4;
 
 /// A line of a coordinate.
-#[derive(Clone)]
 pub(super) struct Line {
     pub(super) coordinate: usize,
     pub(super) order: f64,
@@ -144,11 +143,11 @@ impl Search {
                 let least = (ABOVE_NOISE * noise).max(TOGETHER * apart[at].fall);
                 let fall = |order| together(&tones(order));
                 let (most, order) = scanned(order, spacing, coordinate.finest(), fall);
-                if most > least
-                    && best.is_none_or(|(before, ..)| most > before)
-                    && is_foretold(&tones(order))
-                    && !self.leaks(coordinate, &tones(order), order, most, known)
-                {
+                if most <= least || best.is_some_and(|(before, ..)| most <= before) {
+                    continue;
+                }
+                let tones = tones(order);
+                if is_foretold(&tones) && !self.leaks(coordinate, &tones, order, most, known) {
                     best = Some((most, k, order));
                 }
             }

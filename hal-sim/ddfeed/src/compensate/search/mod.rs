@@ -92,13 +92,16 @@ impl Orders {
     }
 }
 
+fn is_among(found: &[Found], order: f64) -> bool {
+    found
+        .iter()
+        .any(|found| (found.order - order).abs() < SAME_ORDER)
+}
+
 /// Orders that are not among those that were found, after them. What has no room, the plate leaves out.
-fn add_missing(found: &mut Vec<Found>, usual: impl Iterator<Item = f64>) {
-    for order in usual.filter(|order| *order != 0.0) {
-        if !found
-            .iter()
-            .any(|found| (found.order - order).abs() < SAME_ORDER)
-        {
+fn add_missing(found: &mut Vec<Found>, more: impl Iterator<Item = f64>) {
+    for order in more.filter(|order| *order != 0.0) {
+        if !is_among(found, order) {
             found.push(Found::unknown(order));
         }
     }
@@ -147,12 +150,11 @@ pub fn orders(recording: &Recording, model: &Model) -> Orders {
     let of = |k: usize| of_coordinate(&search, &lines, k);
     let mut travel = of(2);
     // Screw and nut feel a torque of the pair alike.
-    for torque in screw_pair {
-        let same = |found: &Found| (found.order - torque.order).abs() < SAME_ORDER;
-        if nut_pair.iter().any(same) && !travel.iter().any(same) {
-            travel.push(Found::unknown(torque.order));
-        }
-    }
+    let of_pair = screw_pair.iter().map(|found| found.order);
+    add_missing(
+        &mut travel,
+        of_pair.filter(|&order| is_among(&nut_pair, order)),
+    );
     let mut found = Orders {
         torque: [screw, nut],
         angle: [of(0), of(1)],

@@ -1,6 +1,6 @@
 //! The settled parts of a recording's holds, and the signals in which orders are looked for.
 
-use super::coordinate::{Coordinate, Shows};
+use super::coordinate::{Coordinate, Shows, mean_speeds};
 use super::lines::Search;
 use super::mean;
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
@@ -67,15 +67,6 @@ impl<'a> Settled<'a> {
         Coordinate::new(angles, self.interval_s, shows, room, counts)
     }
 
-    /// Mean speed of the screw against the nut in each hold, rad/s.
-    fn relative_speeds(&self) -> impl Iterator<Item = f64> {
-        let speed = |angle: &Vec<f64>| {
-            (angle[angle.len() - 1] - angle[0]) / (self.interval_s * (angle.len() - 1) as f64)
-        };
-        let [.., relative] = &self.angles;
-        relative.iter().map(speed)
-    }
-
     /// For what repeats with a motor's turn, in its momentum.
     pub(super) fn torque_search(&self, axis: Axis) -> Search {
         let own = axis.index();
@@ -112,7 +103,7 @@ impl<'a> Settled<'a> {
             interval_s,
             loads: differing(&currents),
             per_speed,
-            table: self.relative_speeds().collect(),
+            table: mean_speeds(&self.angles[2], interval_s),
         }
     }
 
@@ -142,7 +133,7 @@ impl<'a> Settled<'a> {
             interval_s,
             loads: None,
             per_speed: 1.0,
-            table: self.relative_speeds().collect(),
+            table: mean_speeds(&self.angles[2], interval_s),
         }
     }
 }

@@ -8,7 +8,7 @@ const NOT_WHOLE: f64 = 2.0;
 const FINER: usize = 2;
 /// What a hold has of an order may differ by this part from what the other holds foretell. Near a resonance it differs. Our choice.
 const FORETOLD: f64 = 0.7;
-/// Square of the part by which loads differ, from which a line over the load is drawn.
+/// Of the loads' sum of squares, the part about their mean from which a line over the load is drawn.
 const LOADS_DIFFER: f64 = 1e-4;
 /// How often a spectrum's lines are padded.
 const PADDED: usize = 4;
@@ -51,58 +51,74 @@ impl Apart {
     }
 }
 
+/// The coefficient that holds share, or the straight line over the load that they share: least squares.
+struct Shared {
+    /// Sums of weights, and of weights times the load's distance from its mean, squared.
+    square: f64,
+    spread: f64,
+    /// Mean load.
+    load: f64,
+    /// Sums of what the holds have of the coefficient, and of that times that distance.
+    sum: Complex64,
+    sloped: Complex64,
+}
+
+impl Shared {
+    /// `None` where no hold shows the order.
+    fn of<'a>(tones: impl Iterator<Item = &'a Tone>) -> Option<Self> {
+        let (mut square, mut moment, mut moments) = (0.0, 0.0, 0.0);
+        let (mut sum, mut loaded) = (Complex64::default(), Complex64::default());
+        for tone in tones {
+            let weight = tone.gain.norm_sqr() * tone.rows;
+            let share = tone.gain.conj() * tone.sum;
+            square += weight;
+            moment += weight * tone.load;
+            moments += weight * tone.load * tone.load;
+            sum += share;
+            loaded += share * tone.load;
+        }
+        if square <= 0.0 {
+            return None;
+        }
+        let load = moment / square;
+        let spread = moments - moment * load;
+        // Loads that hardly differ say nothing of what scales with them.
+        let differ = spread > LOADS_DIFFER * moments;
+        Some(Self {
+            square,
+            spread: if differ { spread } else { f64::INFINITY },
+            load,
+            sum,
+            sloped: loaded - sum * load,
+        })
+    }
+
+    /// Fall of the sum of squares.
+    fn fall(&self) -> f64 {
+        2.0 * (self.sum.norm_sqr() / self.square + self.sloped.norm_sqr() / self.spread)
+    }
+
+    /// The coefficient at a load.
+    fn coefficient(&self, load: f64) -> Complex64 {
+        self.sum / self.square + self.sloped * ((load - self.load) / self.spread)
+    }
+}
+
 /// Fall of the sum of squares by an order whose coefficient all holds share, or the line over the load that they share.
 pub(super) fn together(tones: &[Tone]) -> f64 {
-    let (mut square, mut moment, mut moments) = (0.0, 0.0, 0.0);
-    let (mut sum, mut loaded) = (Complex64::default(), Complex64::default());
-    for tone in tones {
-        let weight = tone.gain.norm_sqr() * tone.rows;
-        let share = tone.gain.conj() * tone.sum;
-        square += weight;
-        moment += weight * tone.load;
-        moments += weight * tone.load * tone.load;
-        sum += share;
-        loaded += share * tone.load;
-    }
-    if square <= 0.0 {
-        return 0.0;
-    }
-    let spread = moments - moment * moment / square;
-    let fixed = sum.norm_sqr() / square;
-    // Loads that hardly differ say nothing of what scales with them.
-    let scaled = if spread > LOADS_DIFFER * moments {
-        (loaded - sum * (moment / square)).norm_sqr() / spread
-    } else {
-        0.0
-    };
-    2.0 * (fixed + scaled)
+    Shared::of(tones.iter()).map_or(0.0, |shared| shared.fall())
 }
 
 /// That the other holds foretell the hold that shows the most. Otherwise something repeats there that is no order.
 pub(super) fn is_foretold(tones: &[Tone]) -> bool {
     let most = tones.iter().max_by(|a, b| a.fall().total_cmp(&b.fall()));
-    let Some(most) = most else {
-        return false;
-    };
-    let others = || tones.iter().filter(|tone| tone.hold != most.hold);
-    let weight = |tone: &Tone| tone.gain.norm_sqr() * tone.rows;
-    let square: f64 = others().map(weight).sum();
-    if square <= 0.0 {
-        return false;
-    }
-    let mean = |of: &dyn Fn(&Tone) -> Complex64| others().map(of).sum::<Complex64>() / square;
-    let load = mean(&|tone| (weight(tone) * tone.load).into()).re;
-    let spread: f64 = others()
-        .map(|tone| weight(tone) * (tone.load - load).powi(2))
-        .sum();
-    let share = |tone: &Tone| tone.gain.conj() * tone.sum;
-    let mut coefficient = mean(&share);
-    if spread > LOADS_DIFFER * square * load * load {
-        let slope = mean(&|tone| share(tone) * (tone.load - load)) * (square / spread);
-        coefficient += slope * (most.load - load);
-    }
-    let foretold = most.gain * coefficient * most.rows;
-    (foretold - most.sum).norm() < FORETOLD * most.sum.norm()
+    most.is_some_and(|most| {
+        let others = tones.iter().filter(|tone| tone.hold != most.hold);
+        Shared::of(others).is_some_and(|others| {
+            let foretold = most.gain * others.coefficient(most.load) * most.rows;
+            (foretold - most.sum).norm() < FORETOLD * most.sum.norm()
+        })
+    })
 }
 
 /// The most that `fall` has within `spacing` of `order`, and where. A whole order is taken if it takes about as much.
