@@ -75,19 +75,19 @@ fn setup(load_nm: f64) -> Setup {
     setup
 }
 
-/// Holds at three nut speeds, under one load and another.
-fn recording() -> Result<Recording, ExperimentError> {
+/// Holds at each table velocity in m/s and nut speed in rpm, under one load and another.
+fn recording(loads_nm: &[f64], holds: &[(f64, f64)]) -> Result<Recording, ExperimentError> {
     let mut recording = Recording::default();
     let mut setup = setup(LOADS_NM[0]);
     let mut drive = setup.drive()?;
     let mut recorder = Recorder::default();
     let periods = (1.0 / (ROWS_HZ * setup.board.pwm_period_s())).round() as u64;
-    for load_nm in LOADS_NM {
+    for &load_nm in loads_nm {
         setup.model.feed.load_n = load_nm / setup.model.feed.travel_per_radian();
         drive.board.machine.set_load_force(setup.model.feed.load_n);
-        for rpm in [150.0, 300.0, 700.0] {
+        for &(velocity, rpm) in holds {
             let point = OperatingPoint {
-                velocity: 5e-3,
+                velocity,
                 base: rpm * RPM,
             };
             let mut row = |drive: &mut hal_sim::drive::Drive| {
@@ -146,8 +146,8 @@ fn imported(model: &Model, recording: &Recording) -> Result<CompensationPlate, B
 #[test]
 fn orders_that_nobody_listed_are_found_and_taken_away() -> Result<(), Box<dyn Error>> {
     let model = machine();
-    let recording = recording()?;
-    let shown = orders(&recording, &model);
+    let recording = recording(&LOADS_NM, &[150.0, 300.0, 700.0].map(|rpm| (5e-3, rpm)))?;
+    let shown = orders(&recording, &model)?;
     println!("{shown:#?}");
     let mean_nm = 0.5 * (LOADS_NM[0] + LOADS_NM[1]);
     let truth = Known::of(&model).compensation;
@@ -209,5 +209,24 @@ fn orders_that_nobody_listed_are_found_and_taken_away() -> Result<(), Box<dyn Er
         after < 0.15 * before,
         "{after:.2} % is left of {before:.2} %, expected less than a seventh"
     );
+    Ok(())
+}
+
+#[test]
+fn a_recording_that_cannot_distinguish_orders_is_refused() -> Result<(), Box<dyn Error>> {
+    for (holds, sentence) in [
+        (&[(5e-3, 300.0)][..], "in the recording: 1."),
+        // The nut stands: what repeats with the screw repeats with the table too.
+        (&[(5e-3, 0.0), (10e-3, 0.0)], "in one proportion"),
+    ] {
+        let told = match orders(&recording(&LOADS_NM[..1], holds)?, &machine()) {
+            Ok(found) => format!("{found:?}"),
+            Err(error) => error.to_string(),
+        };
+        assert!(
+            told.contains(sentence) && told.contains("--hold"),
+            "{holds:?} (m/s, rpm): {told}"
+        );
+    }
     Ok(())
 }

@@ -342,7 +342,7 @@ fn orders_that_no_setting_names_are_searched_and_learned() {
         (Machine::Nucleo, Undeclared::BallPassage, 800.0, 3.2),
     ];
     let left = on_all_cores(&cases, |&(machine, case, rpm, _)| {
-        ripple(machine, case, rpm).unwrap()
+        ripple(machine, None, case, rpm).unwrap()
     });
     for ((machine, case, rpm, allowed), left) in cases.iter().zip(left) {
         assert!(

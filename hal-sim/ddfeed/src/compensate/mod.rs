@@ -113,8 +113,8 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
 /// The orders that a recording shows in place of the model's effects. Its friction stays. The drive goes on learning them.
 fn searched(file: &Path, setup: &Setup, known: Known, learning_s: f64) -> Result<(Known, Orders)> {
     let recording = load(file)?;
-    ripple_interval_s(&recording)?;
-    let shown = orders(&recording, &setup.model);
+    let shown = orders(&recording, &setup.model)
+        .with_context(|| format!("{} is not searched", file.display()))?;
     let mut known = Known {
         compensation: CompensationPlate {
             learning_s,

@@ -90,19 +90,23 @@ fn print_friction(friction: &FrictionPlate) {
 
 fn print_shown(shown: &Orders) {
     println!("What the recording shows, and the part of it that scales with the load:");
+    let is_measured = |found: &&Found| found.coefficient.norm() > 0.0;
     for (what, found) in shown_lists(shown) {
-        for one in found {
-            let size = match one.coefficient.norm() {
-                0.0 => "is learned".into(),
-                size => format!("{size:.3e}"),
-            };
+        for one in found.iter().filter(is_measured) {
             let scales = one
                 .scales
                 .map_or("unknown".into(), |part| format!("{:.0} %", 100.0 * part));
             println!(
-                "  {what:<18} order {:>8.3}   size {size:>10}   scales {scales}",
-                one.order
+                "  {what:<18} order {:>8.3}   size {:>10.3e}   scales {scales}",
+                one.order,
+                one.coefficient.norm()
             );
+        }
+    }
+    println!("What the drive learns beside it, without a size from the recording:");
+    for (what, found) in shown_lists(shown) {
+        for one in found.iter().filter(|found| !is_measured(found)) {
+            println!("  {what:<18} order {:>8.3}", one.order);
         }
     }
 }

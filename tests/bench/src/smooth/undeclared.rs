@@ -3,12 +3,14 @@
 use super::machine::without_ripple;
 use super::{Machine, drive, orders, settle, setup, velocities};
 use crate::smooth::bench::{COLD_S, LEARNING_S};
+use anyhow::Result;
 use control::plate::CompensationPlate;
 use ddfeed::compensate;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{self, ExperimentError, OperatingPoint, RPM, Recorder, Setup};
 use hal_sim::seam::Straight;
 use hal_sim::smooth::smoothness;
+use hal_sim::switching::Switching;
 use plant::Axis;
 use plant::effects::{
     AnyEffect, BallPassage, EffectModel, EncoderEccentricity, FluxHarmonic, LeadError, Place,
@@ -79,9 +81,10 @@ impl Undeclared {
         }
     }
 
-    /// The machine with it.
-    fn setup(self, machine: Machine) -> Setup {
+    /// The machine with it, on mean bridges or on switching ones.
+    fn setup(self, machine: Machine, switching: Option<Switching>) -> Setup {
         let mut setup = setup(machine, 1);
+        setup.board.switching = switching;
         setup.model.feed.axial_damping_ratio = DAMPING;
         let (model, sensors) = (&mut setup.model, &mut setup.board.sensors);
         let mut add = |place, effect: AnyEffect| {
@@ -150,9 +153,14 @@ impl Undeclared {
 /// Ripple of the table at 2.5 mm/s (Eq 19), %, at a nut speed in rpm; 0 is CDFS.
 ///
 /// # Errors
-/// [`ExperimentError`] if the drive cannot be configured or is stopped by a fault.
-pub fn ripple(machine: Machine, case: Undeclared, nut_rpm: f64) -> Result<f64, ExperimentError> {
-    let setup = case.setup(machine);
+/// A drive that cannot be configured or is stopped by a fault; a recording that cannot be searched.
+pub fn ripple(
+    machine: Machine,
+    switching: Option<Switching>,
+    case: Undeclared,
+    nut_rpm: f64,
+) -> Result<f64> {
+    let setup = case.setup(machine, switching);
     let point = OperatingPoint {
         velocity: VELOCITY,
         base: nut_rpm * RPM,
@@ -164,7 +172,7 @@ pub fn ripple(machine: Machine, case: Undeclared, nut_rpm: f64) -> Result<f64, E
         _ => CompensationPlate {
             learning_s: LEARNING_S,
             scale_count_m: declared.scale_count_m,
-            ..compensate::orders(&recording(&setup)?, &setup.model).plate()
+            ..compensate::orders(&recording(&setup)?, &setup.model)?.plate()
         },
     };
     let mut drive = drive(&setup, plate)?;
@@ -174,7 +182,7 @@ pub fn ripple(machine: Machine, case: Undeclared, nut_rpm: f64) -> Result<f64, E
 }
 
 /// Holds at three nut speeds, under two loads, without a compensation. Rows are taken on the way to a hold too: they count the turns.
-fn recording(setup: &Setup) -> Result<Recording, ExperimentError> {
+fn recording(setup: &Setup) -> Result<Recording> {
     let mut recording = Recording::default();
     let mut recorder = Recorder::default();
     let mut drive = setup.drive()?;

@@ -12,6 +12,7 @@ mod tones;
 
 use self::lines::{Line, Search};
 use self::settled::{PAIR, Settled};
+use anyhow::Result;
 use control::compensation::TORQUES;
 use control::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate};
 use fft::Complex64;
@@ -136,9 +137,12 @@ fn plates<const N: usize>(found: &[Found]) -> [OrderPlate; N] {
 }
 
 /// The orders of a recording that was made without a compensation. `model` gives inertia, flux, lead and pole pairs.
-#[must_use]
-pub fn orders(recording: &Recording, model: &Model) -> Orders {
-    let settled = Settled::of(recording, model);
+///
+/// # Errors
+/// A recording whose holds cannot distinguish screw, nut and lead.
+pub fn orders(recording: &Recording, model: &Model) -> Result<Orders> {
+    let settled = Settled::of(recording, model)?;
+    settled.distinguish()?;
     let searched = Axis::ALL.map(|axis| {
         let search = settled.torque_search(axis);
         let lines = search.lines();
@@ -161,7 +165,7 @@ pub fn orders(recording: &Recording, model: &Model) -> Orders {
         travel,
     };
     found.add_usual(model);
-    found
+    Ok(found)
 }
 
 /// The lines of one coordinate, distinguished by what of them scales with the holds' loads where these differ.

@@ -3,11 +3,13 @@
 use super::coordinate::{Coordinate, Shows, mean_speeds};
 use super::lines::Search;
 use super::mean;
+use anyhow::{Result, ensure};
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
-use hal_sim::hold_ripple::{Hold, SETTLE_S, holds};
+use hal_sim::hold_ripple::{Hold, SETTLE_S, holds, ripple_interval_s};
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
+use std::f64::consts::TAU;
 
 /// The highest orders that are looked for.
 const TORQUE_ORDER_MAX: f64 = 150.0;
@@ -30,9 +32,8 @@ pub(super) struct Settled<'a> {
 }
 
 impl<'a> Settled<'a> {
-    pub(super) fn of(recording: &'a Recording, model: &'a Model) -> Self {
-        let rows = recording.len();
-        let interval_s = (recording.time_s[rows - 1] - recording.time_s[0]) / (rows - 1) as f64;
+    pub(super) fn of(recording: &'a Recording, model: &'a Model) -> Result<Self> {
+        let interval_s = ripple_interval_s(recording)?;
         let skip = (SETTLE_S / interval_s) as usize;
         let holds: Vec<Hold> = holds(recording, model.feed.travel_per_radian())
             .into_iter()
@@ -49,13 +50,34 @@ impl<'a> Settled<'a> {
             over(&holds, |k| nut[k]),
             over(&holds, |k| screw[k] - nut[k]),
         ];
-        Self {
+        Ok(Self {
             recording,
             model,
             interval_s,
             holds,
             angles,
-        }
+        })
+    }
+
+    /// Refuses holds from which screw, nut and lead cannot be told apart: angles of two holds must differ in their proportion by a turn.
+    pub(super) fn distinguish(&self) -> Result<()> {
+        ensure!(
+            self.holds.len() > 1,
+            "Holds of a table speed in the recording: {}. A search compares at least two: `--hold 5,150,4 --hold 5,300,4 --hold 5,700,4` records \
+             three",
+            self.holds.len()
+        );
+        let [screw, nut] = [0, 1].map(|k| turns(&self.angles[k]));
+        let most = screw.iter().chain(&nut).map(|turns| turns.abs());
+        let most = most.fold(f64::MIN_POSITIVE, f64::max);
+        let apart = (0..screw.len())
+            .any(|i| (0..i).any(|j| (screw[i] * nut[j] - screw[j] * nut[i]).abs() > most));
+        ensure!(
+            apart,
+            "Screw and nut turn in one proportion in all holds of the recording, so that their orders cannot be told apart: hold several nut \
+             speeds, for example `--hold 5,150,4 --hold 5,300,4 --hold 5,700,4`"
+        );
+        Ok(())
     }
 
     fn coordinate(&self, k: usize, shows: Shows, room: (usize, f64)) -> Coordinate {
@@ -136,6 +158,12 @@ impl<'a> Settled<'a> {
             table: mean_speeds(&self.angles[2], interval_s),
         }
     }
+}
+
+/// Turns over each hold.
+fn turns(angles: &[Vec<f64>]) -> Vec<f64> {
+    let of = |angle: &Vec<f64>| (angle[angle.len() - 1] - angle[0]) / TAU;
+    angles.iter().map(of).collect()
 }
 
 /// A quantity of each row, over each hold.

@@ -119,7 +119,7 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
         });
     }
     if of(SmoothPart::Undeclared) {
-        let cases = undeclared::measure(options.board);
+        let cases = undeclared::measure(options.board, options.bridges.switching());
         put("undeclared", undeclared::json(&cases), &|| {
             undeclared::print(&cases);
         });

@@ -5,6 +5,7 @@ use crate::smooth::Machine;
 use crate::smooth::undeclared::{Undeclared, ripple};
 use ddfeed::simulate::BoardName;
 use hal_sim::parallel::on_all_cores;
+use hal_sim::switching::Switching;
 use serde_json::{Value, json};
 
 /// Nut speeds, rpm.
@@ -14,7 +15,7 @@ const MODES: [f64; 2] = [0.0, 800.0];
 pub type Case = (Machine, Undeclared, f64, Result<f64, String>);
 
 /// Of all cases in both modes, on all machines or on the one of a board.
-pub fn measure(board: Option<BoardName>) -> Vec<Case> {
+pub fn measure(board: Option<BoardName>, switching: Option<Switching>) -> Vec<Case> {
     let machines = [Machine::Coupled, Machine::Mains, Machine::Nucleo];
     let cases: Vec<_> = machines
         .into_iter()
@@ -23,7 +24,7 @@ pub fn measure(board: Option<BoardName>) -> Vec<Case> {
         .flat_map(|(machine, case)| MODES.map(|rpm| (machine, case, rpm)))
         .collect();
     let left = on_all_cores(&cases, |&(machine, case, rpm)| {
-        ripple(machine, case, rpm).map_err(|error| error.to_string())
+        ripple(machine, switching, case, rpm).map_err(|error| error.to_string())
     });
     cases
         .into_iter()
