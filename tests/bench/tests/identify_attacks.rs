@@ -4,7 +4,7 @@ use bench::identify::attacks::{attacks, clean, thin};
 
 #[test]
 fn nothing_is_said_too_surely() {
-    let (attacks, curves) = attacks(11, 1, 6);
+    let (attacks, curves) = attacks(11, 1, 14);
     println!("{attacks:?} {curves:?}");
     assert_eq!(attacks.sure_and_wrong, 0, "{attacks:?}");
     assert_eq!(attacks.clean[2], 0, "{attacks:?}");

@@ -7,7 +7,7 @@ use identify::report::{Effect, Report};
 /// Prints what matters of a report.
 pub(super) fn print(report: &Report) {
     let effects = report.effects.iter().flat_map(effect);
-    let records = report.records.iter().filter_map(faults);
+    let records = report.records.iter().flat_map(faults);
     let lines = verdict(report.verdict, &report.said).into_iter();
     let lines = lines.chain(effects).chain(lead(report));
     for line in lines.chain(ripple(report)).chain(records) {
@@ -88,15 +88,18 @@ fn ripple(report: &Report) -> Option<String> {
     ))
 }
 
-/// What became of a record's rows, where not all were used.
-fn faults(record: &DataQuality) -> Option<String> {
+/// What became of a record's rows, where not all were used, and what was guessed or noted.
+fn faults(record: &DataQuality) -> Vec<String> {
     let skipped: usize = record.skipped.iter().map(|s| s.rows).sum();
-    (skipped + record.bridged + record.cut > 0).then(|| {
+    let rows = (skipped + record.bridged + record.cut > 0).then(|| {
         format!(
             "{}: {skipped} rows left out, {} bridged, {} cut off, of {}",
             record.file, record.bridged, record.cut, record.rows
         )
-    })
+    });
+    let notes = record.notes.iter();
+    let notes = notes.map(|note| format!("{}: {note}", record.file));
+    rows.into_iter().chain(notes).collect()
 }
 
 /// Four significant digits.

@@ -18,7 +18,7 @@ use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
 use crate::conclusion::possible::curved;
-use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
+use crate::conclusion::recalibrated::{at_ends, calibration, curve_shares, load_nm, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
 use crate::conclusion::steps::step_beyond_ramp;
@@ -35,7 +35,7 @@ use crate::search::progress::Progress;
 use crate::search::select::Search;
 use crate::search::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
-    PART_OF_A_SHAPE, threshold,
+    PART_OF_A_SHAPE, PLATE_IS_OFF, threshold,
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -54,7 +54,8 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             .or_else(|| Some((likeness(&outcome)?, MORE_IS_LEFT)))
             .or_else(|| Some((shadow(&outcome)?, OF_PLATE_VALUES)))
             .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)))
-            .or_else(|| Some((stepping(&outcome)?, ANOTHER_LAW)));
+            .or_else(|| Some((stepping(&outcome)?, ANOTHER_LAW)))
+            .or_else(|| Some((of_the_plate(&outcome)?, PLATE_IS_OFF)));
         match unsound {
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);
@@ -165,6 +166,26 @@ fn stepping(outcome: &Outcome) -> Option<&Found> {
     })
 }
 
+/// Share of what an effect explains by which a plate value may explain less, and the record does not tell one from the other.
+const A_TRACE: f64 = 0.02;
+
+/// The weakest effect of those that a plate value beyond its tolerance explains as well, on both records.
+fn of_the_plate(outcome: &Outcome) -> Option<&Found> {
+    let effects = outcome.effects.iter();
+    let worse = effects.filter(|found| {
+        let beyond = found.plate_beyond;
+        let falls = [found.fall, found.check_fall];
+        let least = |fall: f64| -(A_TRACE * fall).max(outcome.threshold);
+        beyond.is_some_and(|beyond| {
+            beyond
+                .iter()
+                .zip(falls)
+                .all(|(more, fall)| *more > least(fall))
+        })
+    });
+    worse.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
+}
+
 /// Whether an effect differs along a coordinate and does not repeat.
 fn is_curve(found: &Found) -> bool {
     along(&found.hypothesis).is_some_and(|along| !along.repeats())
@@ -231,6 +252,8 @@ impl Weighing<'_> {
         let step_of_fit = step_beyond_ramp(&mut without, hypothesis);
         let fall = without.normal.cost(&without_solution.values)
             - self.search.normal.cost(&self.solution.values);
+        let ends = self.at_their_ends(&without_solution);
+        let plate_of_fit = without.normal.fall_without_priors(&ends) - fall;
         let first = without.normal.len();
         without.add(hypothesis);
         let refined = refined(self.case, self.solution, hypothesis, &values);
@@ -238,6 +261,7 @@ impl Weighing<'_> {
         let mut beside = self.beside_others(check, k);
         let check_fall = beside.fall_at(hypothesis, &values);
         let step_of_check = step_beyond_ramp(&mut beside, hypothesis);
+        let plate_of_check = beside.normal.fall_without_priors(&ends) - check_fall;
         let found = effect.map(|effect| Found {
             hypothesis: *hypothesis,
             shows: most_shown(&falls),
@@ -245,6 +269,7 @@ impl Weighing<'_> {
             step_beyond_ramp: step_of_fit
                 .zip(step_of_check)
                 .map(|(fit, check)| fit + check),
+            plate_beyond: (!ends.is_empty()).then_some([plate_of_fit, plate_of_check]),
             values,
             covariance,
             shape_sigma,
@@ -268,6 +293,25 @@ impl Weighing<'_> {
                 .collect(),
         });
         (found, falls)
+    }
+
+    /// Plate values that are at an end of their tolerance with all effects in place or `without` one; none if none is with all in place.
+    fn at_their_ends(&self, without: &Solution) -> Vec<usize> {
+        let parameters = &self.case.base.parameters;
+        let ends = |solution: &Solution| -> Vec<usize> {
+            let held = solution.held.iter().map(|(k, _)| *k);
+            let is_plate = |k: &usize| {
+                parameters
+                    .get(*k)
+                    .is_some_and(|(own, _)| own.is_of_the_plate())
+            };
+            held.filter(is_plate).collect()
+        };
+        let with = ends(self.solution);
+        match with.is_empty() {
+            true => with,
+            false => [with, ends(without)].concat(),
+        }
     }
 
     /// A record with all effects but one.
@@ -413,6 +457,8 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .then(|| table_force(case.balance, &channels, &fixed, &white)),
         channels,
         by_plate,
+        at_ends: at_ends(case, &solution),
+        load_nm: load_nm(case, &solution),
         curves: Vec::new(),
         doubts: doubts
             .map(|doubt| (doubt.trial.hypothesis, doubt.reason))

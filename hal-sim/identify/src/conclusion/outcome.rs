@@ -2,7 +2,8 @@
 
 use crate::conclusion::channels::{ChannelRest, TableForce};
 use crate::conclusion::curves::Learned;
-use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Tally, judge};
+use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Tally, Verdict, judge};
+use crate::digits::three;
 use crate::effects::hypothesis::Hypothesis;
 use crate::effects::refusals::Refusal;
 use crate::machines::Machine;
@@ -38,6 +39,9 @@ pub struct Found {
     pub check_fall: f64,
     /// Of a drift: by how much more a step at some time lowers both records' sums of squares than a ramp does.
     pub step_beyond_ramp: Option<f64>,
+    /// By how much more the plate values that are at the ends of their tolerances lower both records' sums of squares without the effect, if
+    /// nothing is known of them. `None` where none is at an end.
+    pub plate_beyond: Option<[f64; 2]>,
     /// Fall on each operating point of the fit record.
     pub fall_at: Vec<f64>,
     /// The same when fitted on the others.
@@ -111,6 +115,10 @@ pub struct Outcome {
     pub model: Model,
     /// Recalibrated parameters: name, relative change, standard deviation.
     pub calibration: Vec<(String, f64, f64)>,
+    /// Plate values that the fit record has at an end of their tolerance.
+    pub at_ends: Vec<String>,
+    /// Constant load that a motor alone is taken to have, N m.
+    pub load_nm: Option<f64>,
     /// Coordinates of the residuals' rows.
     pub coordinates: Coordinates,
     /// Hypotheses that were not tried without excitation, or that physics forbids.
@@ -182,10 +190,39 @@ impl Outcome {
         };
         let shafts = self.excitation();
         let channels: Vec<CheckChannel> = channels.collect();
-        let judged = judge(&channels, found, Floor::Sensors).excited(&shafts);
+        let mut judged = judge(&channels, found, Floor::Sensors).excited(&shafts);
+        self.add_what_is_allowed_for(&mut judged);
         match self.machine.has_feed() {
             true => judged.commanded(&shafts),
             false => judged,
+        }
+    }
+
+    /// Says what the regression takes of the machine without a word of the model file.
+    fn add_what_is_allowed_for(&self, judged: &mut Judged) {
+        let channels = self.channels.iter();
+        let torque = channels.filter(|rest| matches!(rest.channel, Channel::Torque(_)));
+        let shows = torque.map(|rest| rest.figures.check_after);
+        let least = shows.fold(0.0, f64::max);
+        if let Some(load) = self.load_nm.filter(|load| load.abs() > least) {
+            let why = &mut judged.said.why;
+            *why += &format!(" A constant load of {} N m is allowed for.", three(load));
+        }
+        let is_left = matches!(
+            judged.verdict,
+            Verdict::Unexplained | Verdict::PartlyExplained
+        );
+        if is_left && !self.at_ends.is_empty() {
+            let names: Vec<String> = self
+                .at_ends
+                .iter()
+                .map(|name| format!("`{name}`"))
+                .collect();
+            let left = judged.said.left.get_or_insert_default();
+            *left += &format!(
+                " At an end of the tolerance of plate values: {}. Is what is declared right?",
+                names.join(", ")
+            );
         }
     }
 

@@ -53,6 +53,26 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .collect()
 }
 
+/// Plate values that the record has at an end of their tolerance.
+pub(crate) fn at_ends(case: &Case, solution: &Solution) -> Vec<String> {
+    let held = solution.held.iter();
+    held.filter_map(|(k, _)| {
+        let (parameter, _) = case.base.parameters.get(*k)?;
+        let name = declared_name(*parameter, case.balance.signals.machine)?;
+        parameter.is_of_the_plate().then_some(name)
+    })
+    .collect()
+}
+
+/// The load that a motor alone is taken to have, N m.
+pub(crate) fn load_nm(case: &Case, solution: &Solution) -> Option<f64> {
+    let is_load =
+        |(own, _): &(Parameter, _)| matches!(own, Parameter::Motor(_, MotorParameter::Load));
+    let at = case.base.parameters.iter().position(is_load)?;
+    let alone = !case.balance.signals.machine.has_feed();
+    alone.then(|| solution.values[at])
+}
+
 /// How much of each curve of its base a record has.
 pub(crate) fn curve_shares(case: &Case, solution: &Solution) -> Vec<f64> {
     let parameters = case.base.parameters.iter().zip(solution.values.iter());

@@ -121,6 +121,21 @@ impl Parameter {
         )
     }
 
+    /// Whether it is a plate value with a tolerance.
+    pub fn is_of_the_plate(self) -> bool {
+        use MotorParameter::*;
+        match self {
+            Parameter::Motor(_, which) => matches!(
+                which,
+                Inertia | Viscous | Coulomb | Flux | Resistance | Inductance
+            ),
+            _ => matches!(
+                self,
+                Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous
+            ),
+        }
+    }
+
     /// Whether it shows in a torque balance.
     pub fn is_torque(self) -> bool {
         use MotorParameter::*;

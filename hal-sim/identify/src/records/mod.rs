@@ -9,6 +9,7 @@ mod mapping;
 pub mod quality;
 mod record;
 pub mod rules;
+mod spikes;
 mod split;
 mod table;
 mod units;
@@ -110,6 +111,11 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
         constants,
         quality,
     };
+    for channel in &record.channels {
+        record
+            .quality
+            .note_spikes(channel.name, &record.time, &channel.values);
+    }
     derive::complete(&mut record, mapping.pole_pairs, mapping.amplitude_invariant);
     Ok(record)
 }

@@ -197,6 +197,14 @@ impl Normal {
         solve_holding(&gram, &rhs, &self.fixed()).covariance
     }
 
+    /// By how much the cost falls if nothing is known of given parameters.
+    pub(crate) fn fall_without_priors(&self, of: &[usize]) -> f64 {
+        let mut free = self.clone();
+        of.iter().for_each(|&k| free.priors[k] = Prior::FREE);
+        let cost = |normal: &Normal| normal.cost(&normal.solve(None).values);
+        cost(self) - cost(&free)
+    }
+
     /// Columns that count with a given value.
     fn fixed(&self) -> Vec<(usize, f64)> {
         let priors = self.priors.iter().enumerate();

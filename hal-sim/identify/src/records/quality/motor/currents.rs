@@ -141,6 +141,9 @@ impl Motor<'_> {
         } else if let Some((best, currents)) = self.other_pole_pairs(limits) {
             let sentence = self.turns_otherwise(&own, best, &currents);
             ("pole_pairs", explained, sentence)
+        } else if self.electrical_turns() < 1.0 {
+            // At rest a reference is the speed's noise, faster than a current follows.
+            return true;
         } else {
             ("currents", explained, self.disagree(&own, size, limits))
         };

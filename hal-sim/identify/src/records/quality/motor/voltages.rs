@@ -18,6 +18,10 @@ const MATTERS: f64 = 2e-4;
 /// plate's, and the sign of `ud_v` was called wrong.
 const DEAD_TIME_SHAPE: f64 = 0.5;
 
+/// By how much a voltage may be older or younger than the angle of its row, s: two periods of a drive at 10 kHz. Rotated by what the
+/// shaft turns meanwhile, `ud_v` has a part of `uq_v`.
+const AGE_S: f64 = 2e-4;
+
 impl<'a> Motor<'a> {
     /// Resistance, inductance, flux and dead time by the voltage equation, over those that are declared; dead time in V.
     fn equation(&self) -> Option<Fit> {
@@ -30,16 +34,16 @@ impl<'a> Motor<'a> {
         let Some((columns, voltages)) = self.equation_rows() else {
             return true;
         };
+        let age = self.age_column(&columns, &voltages);
+        let columns: Vec<&Vec<f64>> = columns.iter().chain([&age]).collect();
         let design = DMatrix::from_fn(voltages.len(), columns.len(), |row, k| columns[k][row]);
         let voltages = DVector::from_vec(voltages);
         // A dead time may be any. Within bounds about the middle of each range.
         let middle = DVector::from_fn(columns.len(), |k, _| {
             ranges.get(k).map_or(0.0, |r| 0.5 * (r.start() + r.end()))
         });
-        let bounds = [0, 1, 2, 3].map(|k| {
-            let range = ranges.get(k);
-            range.map_or(f64::INFINITY, |r| 0.5 * (r.end() - r.start()))
-        });
+        let half = |k: usize| 0.5 * (ranges[k].end() - ranges[k].start());
+        let bounds = [half(0), half(1), half(2), f64::INFINITY, 1.0];
         let left = &voltages - &design * middle;
         let (gram, rhs) = (design.tr_mul(&design), design.tr_mul(&left));
         let within = solve_within(&gram, &rhs, &bounds, &[]).values;
@@ -47,6 +51,16 @@ impl<'a> Motor<'a> {
         let unknown = dead * dead * design.column(3).norm_squared();
         let left = (left - design * within).norm_squared();
         left <= (1.0 - free.explained + MATTERS) * voltages.norm_squared() + unknown
+    }
+
+    /// What an age of [`AGE_S`] makes of the voltages, V, by the equation's columns: the third is that of the speed.
+    fn age_column(&self, [_, _, back_emf, _]: &[Vec<f64>; 4], voltages: &[f64]) -> Vec<f64> {
+        let pairs = voltages.chunks_exact(2).zip(back_emf.chunks_exact(2));
+        let rotated = |(voltage, back_emf): (&[f64], &[f64])| {
+            let turned = AGE_S * back_emf[1] / self.plate.flux_wb;
+            [turned * voltage[1], -turned * voltage[0]]
+        };
+        pairs.flat_map(rotated).collect()
     }
 
     /// Columns of the voltage equation and the voltages, d and q of each stretch.
@@ -108,7 +122,9 @@ impl<'a> Motor<'a> {
             value + error < *ranges[k].start() || value - error > *ranges[k].end()
         });
         let is_wrong = wrong.contains(&true) && !self.explained_within(&own, ranges);
-        if !is_wrong && own.explained >= limits.voltage_explained {
+        // At rest voltages are what the loops make of noise.
+        let follows = own.explained >= limits.voltage_explained || self.electrical_turns() < 1.0;
+        if !is_wrong && follows {
             return true;
         }
         let mended = self
