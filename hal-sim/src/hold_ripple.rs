@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
 /// Shortest hold, s.
-const SHORTEST_S: f64 = 0.4;
+pub const SHORTEST_S: f64 = 0.4;
 /// Transient of the way to a hold, which is left out, s.
 pub const SETTLE_S: f64 = 0.15;
 /// Mean of a velocity, s: a difference of neighbouring readings would be the scale's noise.

@@ -35,17 +35,17 @@ fn the_boards_configurations_stay() {
     });
     let expected = [
         [
-            0x4dd9_5a27_1e41_762b,
+            0x22dc_2ef1_eb5b_882b,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x7d3b_8ec0_4220_d41b,
+            0xd762_0f73_9678_161b,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0xeaac_b4dc_ddcb_a24a,
+            0x0485_d507_41e4_170a,
             0xb9d5_0739_5b6b_06b2,
             0xd80a_8929_da2b_4d92,
         ],
@@ -201,6 +201,6 @@ fn the_configurations_of_drawn_settings_stay() {
         }
         digest(&all)
     });
-    let expected = [0x9f42_09e1_eb52_ace5, 0x11b1_4208_f4b2_7577];
+    let expected = [0x97d6_0f37_5aef_5d44, 0x6a6c_6787_9b24_c758];
     assert_eq!(measured, expected, "measured {measured:#x?}");
 }

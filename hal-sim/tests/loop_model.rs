@@ -38,7 +38,10 @@ fn learned(plate: &DrivePlate, answered: Complex64, hz: f64) -> Complex64 {
     let config = plate.config().unwrap();
     let turns = hz * plate.board.sample_time() * 2f64.powi(32);
     let response = &config.compensation.response[0];
-    let learn = response.at(turns as u32).unwrap().learn;
+    let learn = response
+        .at(turns as u32)
+        .unwrap()
+        .learning(|point| point.learn);
     // Twice the part of the way that a step learns, 2^-34.
     let part = plate.speed_step() * f64::from(TORQUE_STEPS) / plate.compensation.learning_s;
     let scale = 2.0 * part * 2f64.powi(34);

@@ -219,19 +219,19 @@ pub fn save(
         Ok(())
     })?;
     let (summary, outcome, header, bus_v) = ended.context("the recording did not end")?;
-    // A model of the person's own stays.
-    let kept = std::fs::read_to_string(folder.path("model.toml"));
-    if kept.is_ok_and(|text| !text.starts_with(ABOUT)) {
+    let path = folder.path("model.toml");
+    let kept = std::fs::read_to_string(&path);
+    if kept.is_ok_and(|text| !is_as_written(&text)) {
         eprintln!(
-            "{} is not a recording's and stays as it is",
-            folder.path("model.toml").display()
+            "{} is a person's own or was corrected, and stays as it is",
+            path.display()
         );
     } else {
         let model = model_file(&header, summary.interval_s, bus_v);
         folder.put_text("model.toml", &model)?;
         eprintln!(
             "load and friction of {} are guesses: correct them, or take the model of a commissioning",
-            folder.path("model.toml").display()
+            path.display()
         );
     }
     Ok((summary, outcome))
@@ -273,10 +273,30 @@ const ABOUT: &str = "\
 # them, or commission the drive.
 ";
 
+/// Before the check sum of all that follows it.
+const CHECK_SUM: &str =
+    "# By this check sum of the rest a new recording knows that nobody corrected it: ";
+
+fn check_sum(text: &str) -> String {
+    let mut sum = flate2::Crc::new();
+    sum.update(text.as_bytes());
+    format!("{:08x}", sum.sum())
+}
+
+/// Whether a model file is a recording's, and nobody has changed it since.
+fn is_as_written(text: &str) -> bool {
+    let rest = text
+        .strip_prefix(ABOUT)
+        .and_then(|text| text.strip_prefix(CHECK_SUM));
+    let parts = rest.and_then(|rest| rest.split_once('\n'));
+    parts.is_some_and(|(sum, model)| sum == check_sum(model))
+}
+
 /// The text of the `model.toml` of a drive on a supply of `bus_v`, whose recordings have a row each `interval_s`.
 #[must_use]
 pub fn model_file(header: &Header, interval_s: f64, bus_v: f64) -> String {
-    format!("{ABOUT}{}", model(header, interval_s, bus_v).to_toml())
+    let model = model(header, interval_s, bus_v).to_toml();
+    format!("{ABOUT}{CHECK_SUM}{}\n{model}", check_sum(&model))
 }
 
 /// The model that the drive's plate declares on a supply of `bus_v`; what the plate does not have is of the size of common feed axes.
@@ -428,5 +448,26 @@ pub fn sample(header: &Header, row: &Row, encoders: [EncoderFrame; 2]) -> Sample
         time_s: row.time_s,
         axes: [axis(0, screw), axis(1, nut)],
         table_position_m: row.table_m,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_a_person_corrected_is_known() {
+        let model = "[feed]\nload_n = 400.0\n";
+        let written = format!("{ABOUT}{CHECK_SUM}{}\n{model}", check_sum(model));
+        assert!(is_as_written(&written));
+        for own in [
+            written.replace("400", "123"),
+            format!("{written}# mine\n"),
+            format!("{ABOUT}{model}"),
+            model.into(),
+            String::new(),
+        ] {
+            assert!(!is_as_written(&own), "{own}");
+        }
     }
 }

@@ -215,7 +215,7 @@ fn orders_that_nobody_listed_are_found_and_taken_away() -> Result<(), Box<dyn Er
 #[test]
 fn a_recording_that_cannot_distinguish_orders_is_refused() -> Result<(), Box<dyn Error>> {
     for (holds, sentence) in [
-        (&[(5e-3, 300.0)][..], "in the recording: 1."),
+        (&[(5e-3, 300.0)][..], "last for 0.4 s: 1."),
         // The nut stands: what repeats with the screw repeats with the table too.
         (&[(5e-3, 0.0), (10e-3, 0.0)], "in one proportion"),
     ] {

@@ -55,6 +55,35 @@ fn ripple_that_repeats_with_an_angle_is_learned_and_removed() {
     }
 }
 
+/// The observer shows an encoder's error late, the later the faster the shaft turns. What is learned of it is the encoder's own: the same in
+/// all modes, and as the model has it. The order that errs 0.035 degrees four times a turn is the mains board's.
+#[test]
+fn what_is_learned_of_an_encoder_does_not_depend_on_the_speed() {
+    let setup = setup(Machine::Mains, 1);
+    let cold = orders(&setup, 0.5, true);
+    let real = Known::of(&setup.model).compensation.angle[0];
+    let line = cold.angle[0].iter().position(|line| line.order == 4.0);
+    let line = line.unwrap();
+    let real = real.iter().find(|line| line.order == 4.0).unwrap();
+    let learned = on_all_cores(&[0.0, 300.0, 800.0, -800.0], |rpm| {
+        let point = OperatingPoint {
+            velocity: 2.5e-3,
+            base: rpm * RPM,
+        };
+        let mut drive = drive(&setup, cold).unwrap();
+        smoothness(&mut drive, point, 12.0).unwrap();
+        (*rpm, learned(&drive, cold).angle[0][line])
+    });
+    for (rpm, found) in learned {
+        let off = (found.re - real.re).hypot(found.im - real.im) / real.re.hypot(real.im);
+        println!("{rpm} rpm: {found:?}, off by {off:.3}");
+        assert!(
+            off < 0.08,
+            "{rpm} rpm: {found:?} is learned, {real:?} is there: off by {off:.2}, expected less than 0.08"
+        );
+    }
+}
+
 /// What a model declares, turned into orders, is what a drive that knows nothing learns of that machine while it turns slowly,
 /// but for dead time (order 30), which no order of the model has; and it removes most of the ripple without any learning.
 #[test]

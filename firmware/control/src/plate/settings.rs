@@ -231,11 +231,18 @@ impl Setting {
         self.entry.effect
     }
 
-    /// It says what is compensated: friction, what repeats with an angle, disturbances, the axial mode.
+    /// It says what is compensated of a known machine: friction, and what repeats with an angle.
     #[must_use]
     pub fn compensates(&self) -> bool {
         let [group, _] = self.id.to_be_bytes();
-        matches!(group, 10..=18)
+        matches!(group, 10..=12) || self.repeats()
+    }
+
+    /// It says what repeats with an angle.
+    #[must_use]
+    pub fn repeats(&self) -> bool {
+        let [group, _] = self.id.to_be_bytes();
+        matches!(group, 13..=17)
     }
 
     /// It says how what is compensated is learned.
@@ -478,8 +485,10 @@ mod tests {
         }
         let compensates = |name: &str| Setting::named(name).unwrap().compensates();
         assert!(compensates("screw_friction.coulomb_nm") && compensates("lead.order_1"));
-        assert!(compensates("rejection.notch_hz"));
+        assert!(!compensates("rejection.notch_hz"));
         assert!(!compensates("compensation.learning_s") && !compensates("base.wander_rpm"));
+        let repeats = |name: &str| Setting::named(name).unwrap().repeats();
+        assert!(repeats("lead.order_1") && !repeats("screw_friction.coulomb_nm"));
     }
 
     #[test]

@@ -9,13 +9,15 @@ pub use predict::Predicted;
 pub use search::{Found, Orders, orders};
 
 use crate::record::set_encoder_kinds;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use control::plate::{CompensationPlate, DrivePlate};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
 use hal_sim::smooth::kept::{compensated, leave_out_lost};
 use hal_sim::smooth::known::Known;
+use identify::records::Record;
+use identify::records::quality::{Plate, wrong_data};
 use link::host::settings::{of_toml, some_to_toml};
 use link::settings::{Setting, Settings};
 use link::telemetry::EncoderKind;
@@ -99,9 +101,19 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
     };
     if let Some(file) = &options.settings {
         let settings = Settings::of_plate(&compensated(&plain, &known));
-        // Orders that were searched are learned on.
-        let some = |setting: &Setting| setting.compensates() || options.search && setting.learns();
-        crate::output::put_new(file, &some_to_toml(&settings, some))?;
+        // Orders that were searched are learned on; of the friction a search says nothing.
+        let some = |setting: &Setting| match options.search {
+            true => setting.repeats() || setting.learns(),
+            false => setting.compensates(),
+        };
+        let text = some_to_toml(&settings, some);
+        of_toml(&settings, &text).with_context(|| {
+            format!(
+                "A drive takes no such settings: is {} the machine's?",
+                options.model.display()
+            )
+        })?;
+        crate::output::put_new(file, &text)?;
     }
     Ok(Compensation {
         known,
@@ -113,6 +125,15 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
 /// The orders that a recording shows in place of the model's effects. Its friction stays. The drive goes on learning them.
 fn searched(file: &Path, setup: &Setup, known: Known, learning_s: f64) -> Result<(Known, Orders)> {
     let recording = load(file)?;
+    let interval_s = ripple_interval_s(&recording)?;
+    let record = Record::of_double_drive(&recording, 1.0 / interval_s, "the recording");
+    if let Some(wrong) = wrong_data(&[record], &[], Plate::DoubleDrive(&setup.model)).first() {
+        bail!(
+            "{} and the model contradict each other: {}",
+            file.display(),
+            wrong.sentence
+        );
+    }
     let shown = orders(&recording, &setup.model)
         .with_context(|| format!("{} is not searched", file.display()))?;
     let mut known = Known {

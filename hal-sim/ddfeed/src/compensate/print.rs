@@ -1,6 +1,6 @@
 //! What was found, printed: as text or as JSON.
 
-use super::search::{Found, Orders};
+use super::search::{Found, Orders, SAME_ORDER};
 use super::{CompensateOptions, Compensation, Predicted};
 use control::plate::{FrictionPlate, OrderPlate, TorqueOrderPlate};
 use hal_sim::experiment::RPM;
@@ -20,7 +20,7 @@ pub(super) fn print(options: &CompensateOptions, found: &Compensation) {
         println!("Not compensated: {}", known.left.join("; "));
     }
     match &found.shown {
-        Some(shown) => print_shown(shown),
+        Some(shown) => print_shown(shown, &lists),
         None => print_predicted(options, &found.predicted),
     }
     print_settings(options);
@@ -88,11 +88,11 @@ fn print_friction(friction: &FrictionPlate) {
     }
 }
 
-fn print_shown(shown: &Orders) {
+fn print_shown(shown: &Orders, taken: &[List]) {
     println!("What the recording shows, and the part of it that scales with the load:");
-    let is_measured = |found: &&Found| found.coefficient.norm() > 0.0;
+    let is_measured = |found: &Found| found.coefficient.norm() > 0.0;
     for (what, found) in shown_lists(shown) {
-        for one in found.iter().filter(is_measured) {
+        for one in found.iter().filter(|found| is_measured(found)) {
             let scales = one
                 .scales
                 .map_or("unknown".into(), |part| format!("{:.0} %", 100.0 * part));
@@ -103,12 +103,24 @@ fn print_shown(shown: &Orders) {
             );
         }
     }
-    println!("What the drive learns beside it, without a size from the recording:");
-    for (what, found) in shown_lists(shown) {
-        for one in found.iter().filter(|found| !is_measured(found)) {
-            println!("  {what:<18} order {:>8.3}", one.order);
+    let others = |has_room: bool| {
+        for ((what, found), (_, _, plates)) in shown_lists(shown).into_iter().zip(taken) {
+            let is_taken = |found: &&Found| plates.iter().any(|plate| is_same(plate, found));
+            let found = found.iter().filter(|found| is_taken(found) == has_room);
+            for one in found.filter(|found| !has_room || !is_measured(found)) {
+                println!("  {what:<18} order {:>8.3}", one.order);
+            }
         }
-    }
+    };
+    println!("What the drive learns beside it, without a size from the recording:");
+    others(true);
+    println!("For what the drive has no room:");
+    others(false);
+}
+
+/// Nearly whole orders are taken as whole.
+fn is_same(plate: &TorqueOrderPlate, found: &Found) -> bool {
+    (plate.order - found.order).abs() < 0.5 * SAME_ORDER
 }
 
 fn print_predicted(options: &CompensateOptions, predicted: &[Predicted]) {

@@ -33,7 +33,7 @@ use crate::base::format::{Angle, Current, Speed, multiply_upper};
 use beat::BeatConfig;
 use fit::TableChecks;
 use line::{Line, Order, Phasor};
-use response::Response;
+use response::{BetweenPoints, Response};
 use slope::LoadSlope;
 use usual::UsualError;
 
@@ -460,10 +460,21 @@ impl Compensation {
             if let Some(line) = lines.and_then(|lines| lines.get_mut(index)) {
                 let slower = theta_step.unsigned_abs().min(relative.unsigned_abs());
                 let shared = torque.is_some_and(|torque| has(torque, line.order()));
-                let learns = learning(config, response, line.order(), theta_step, slower, shared)
-                    .halved(halved);
+                let Some(point) = response.at(line.order().frequency(theta_step)) else {
+                    return line.tune(Phasor::ZERO, Phasor::ZERO, SPEED_PART_MAX);
+                };
+                let learns = if shared && lags(&point) {
+                    Phasor::ZERO
+                } else {
+                    let follow = point.learning(|point| point.sense_follow);
+                    learning(config, follow, line.order(), theta_step, slower).halved(halved)
+                };
                 let learns = if motor == 0 { learns } else { negative(learns) };
-                line.tune(line.coefficient(), learns, SPEED_PART_MAX);
+                // 2^-27 times 2^-30 is 2^-57, of which the upper word is in 2^-25.
+                let gives = line
+                    .coefficient()
+                    .times(point.of(|point| point.sense).turned_by(theta_step), 2);
+                line.tune(gives, learns, SPEED_PART_MAX);
             }
             return;
         }
@@ -476,8 +487,13 @@ impl Compensation {
             // Where the nut stands, the lead repeats with the screw.
             let stands = nut.unsigned_abs() < slower >> 3;
             let shared = stands && has(screw_torque, line.order());
-            let learns =
-                learning(config, response, line.order(), relative, slower, shared).halved(halved);
+            let learns = match response.at(line.order().frequency(relative)) {
+                Some(point) if !(shared && lags(&point)) => {
+                    let follow = point.learning(|point| point.follow);
+                    learning(config, follow, line.order(), relative, slower).halved(halved)
+                }
+                _ => Phasor::ZERO,
+            };
             line.tune(line.coefficient(), learns, SPEED_PART_MAX);
         }
     }
@@ -581,10 +597,11 @@ fn tune_torque(
     let gives = line
         .coefficient()
         .plus(more)
-        .times(point.realise.turned_by(theta_step), 8);
+        .times(point.of(|point| point.realise).turned_by(theta_step), 8);
     let learns = if config.learns && !beats(frequency) {
         let part = config.part(theta_step.unsigned_abs()) >> halved;
-        point.learn.turned_by(theta_step).part(part)
+        let learn = point.learning(|point| point.learn);
+        learn.turned_by(theta_step).part(part)
     } else {
         Phasor::ZERO
     };
@@ -596,39 +613,39 @@ fn has(lines: &[Line; TORQUES], order: Order) -> bool {
     lines.iter().any(|line| line.order() == order)
 }
 
-/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `slower` is the slower motion of those that
-/// distinguish it from others. The motor has a torque of the same order if that is `shared`: once it is learned, the speed follows a
-/// reference at once. The model's phase is then wrong by that of the loops, so nothing is learned where they lag by more than 76 degrees.
-/// Zero without a scale: encoders and lead then keep their saved values.
+/// That the speed follows a reference by more than 76 degrees late. Where the motor has a torque of the order that its encoder errs by, the
+/// speed follows at once as soon as the torque is learned. The model's phase is then wrong by that of the loops, so nothing is learned.
+fn lags(point: &BetweenPoints) -> bool {
+    let follow = point.learning(|point| point.follow);
+    follow.re < follow.im.saturating_abs() >> 2
+}
+
+/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `follow` is what must be given per true speed.
+/// `slower` is the slower motion of those that distinguish the line from others. Zero without a scale: encoders and lead then keep their
+/// saved values.
 #[inline(never)]
 fn learning(
     config: &CompensationConfig,
-    response: &Response,
+    follow: Phasor,
     order: Order,
     theta_step: i32,
     slower: u32,
-    shared: bool,
 ) -> Phasor {
-    let lags = |follow: Phasor| follow.re < follow.im.saturating_abs() >> 2;
-    match (config.scale, response.at(order.frequency(theta_step))) {
-        (Some(scale), Some(point))
-            if config.learns && order.0 != 0 && !(shared && lags(point.follow)) =>
-        {
-            let turned = point.follow.turned_by(theta_step);
-            let slower = order.frequency(slower.min(i32::MAX as u32).cast_signed());
-            let rate = rate(scale.rate, theta_step, slower);
-            let times = |x| multiply_upper(x, rate).saturating_mul(8);
-            let learns = Phasor {
-                re: times(turned.re),
-                im: times(turned.im),
-            };
-            if theta_step < 0 {
-                negative(learns)
-            } else {
-                learns
-            }
-        }
-        _ => Phasor::ZERO,
+    let Some(scale) = config.scale.filter(|_| config.learns && order.0 != 0) else {
+        return Phasor::ZERO;
+    };
+    let turned = follow.turned_by(theta_step);
+    let slower = order.frequency(slower.min(i32::MAX as u32).cast_signed());
+    let rate = rate(scale.rate, theta_step, slower);
+    let times = |x| multiply_upper(x, rate).saturating_mul(8);
+    let learns = Phasor {
+        re: times(turned.re),
+        im: times(turned.im),
+    };
+    if theta_step < 0 {
+        negative(learns)
+    } else {
+        learns
     }
 }
 

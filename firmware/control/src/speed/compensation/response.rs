@@ -25,6 +25,51 @@ pub struct ResponsePoint {
     pub learn: Phasor,
     /// Reference per true speed, 2^-29: the inverse of how the speed follows.
     pub follow: Phasor,
+    /// What cancels an error of the encoder in the speed reference, per error of the speed, 2^-30: the observer delays the error, and the
+    /// hold of what is added delays that.
+    pub sense: Phasor,
+    /// Error of the encoder's speed per true speed, 2^-29: the inverse of how the speed follows an error that is cancelled.
+    pub sense_follow: Phasor,
+}
+
+impl ResponsePoint {
+    const NONE: Self = Self {
+        realise: Phasor::ZERO,
+        learn: Phasor::ZERO,
+        follow: Phasor::ZERO,
+        sense: Phasor::ZERO,
+        sense_follow: Phasor::ZERO,
+    };
+}
+
+/// The loops between two points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BetweenPoints<'a> {
+    from: &'a ResponsePoint,
+    to: &'a ResponsePoint,
+    /// Part of the way from one to the other, 2^-31.
+    way: i32,
+    /// Below the table nothing is learned.
+    learns: bool,
+}
+
+impl BetweenPoints<'_> {
+    /// One of [`ResponsePoint`]'s numbers.
+    #[must_use]
+    #[inline(always)]
+    pub fn of(&self, number: impl Fn(&ResponsePoint) -> Phasor) -> Phasor {
+        between(number(self.from), number(self.to), self.way)
+    }
+
+    /// One that turns an error into learning.
+    #[must_use]
+    #[inline(always)]
+    pub fn learning(&self, number: impl Fn(&ResponsePoint) -> Phasor) -> Phasor {
+        match self.learns {
+            true => self.of(number),
+            false => Phasor::ZERO,
+        }
+    }
 }
 
 /// The loops over frequency.
@@ -39,11 +84,7 @@ pub struct Response {
 impl Response {
     /// That of a drive that compensates nothing.
     pub(crate) const NONE: Self = Self {
-        points: [ResponsePoint {
-            realise: Phasor::ZERO,
-            learn: Phasor::ZERO,
-            follow: Phasor::ZERO,
-        }; POINTS],
+        points: [ResponsePoint::NONE; POINTS],
         frequency_max: 0,
     };
 
@@ -62,32 +103,28 @@ impl Response {
     /// past [`Response::frequency_max`]. Below the table nothing is learned.
     #[must_use]
     #[inline(never)]
-    pub fn at(&self, frequency: u32) -> Option<ResponsePoint> {
+    pub fn at(&self, frequency: u32) -> Option<BetweenPoints<'_>> {
         if frequency > self.frequency_max {
             return None;
         }
         let [first, ..] = &self.points;
         if frequency < 1 << LOWEST_BITS {
-            return Some(ResponsePoint {
-                learn: Phasor::ZERO,
-                follow: Phasor::ZERO,
-                ..*first
+            return Some(BetweenPoints {
+                from: first,
+                to: first,
+                way: 0,
+                learns: false,
             });
         }
         let octave = 31u32.wrapping_sub(frequency.leading_zeros());
         let rest = frequency.wrapping_shl(32u32.wrapping_sub(octave));
         let index = (octave.wrapping_sub(LOWEST_BITS) << STEP_BITS)
             .wrapping_add(rest >> (32 - STEP_BITS)) as usize;
-        // 2^-31 of the way to the next point.
-        let way = (rest << STEP_BITS >> 1).cast_signed();
-        let (from, to) = (
-            self.points.get(index)?,
-            self.points.get(index.wrapping_add(1))?,
-        );
-        Some(ResponsePoint {
-            realise: between(from.realise, to.realise, way),
-            learn: between(from.learn, to.learn, way),
-            follow: between(from.follow, to.follow, way),
+        Some(BetweenPoints {
+            from: self.points.get(index)?,
+            to: self.points.get(index.wrapping_add(1))?,
+            way: (rest << STEP_BITS >> 1).cast_signed(),
+            learns: true,
         })
     }
 }

@@ -23,7 +23,7 @@ use plant::recording::Recording;
 pub use lines::Parts;
 
 /// Orders of both motors' searches that differ by less are one.
-const SAME_ORDER: f64 = 0.05;
+pub(super) const SAME_ORDER: f64 = 0.05;
 
 /// An order that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]

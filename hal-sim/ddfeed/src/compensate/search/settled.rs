@@ -5,7 +5,7 @@ use super::lines::Search;
 use super::mean;
 use anyhow::{Result, ensure};
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
-use hal_sim::hold_ripple::{Hold, SETTLE_S, holds, ripple_interval_s};
+use hal_sim::hold_ripple::{Hold, SETTLE_S, SHORTEST_S, holds, ripple_interval_s};
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -18,6 +18,10 @@ const ENCODER_ORDER_MAX: f64 = 12.0;
 const LEAD_ORDER_MAX: f64 = 30.0;
 /// Coordinate of the ball pair in a torque's search.
 pub(super) const PAIR: usize = 1;
+/// Holds that can be searched, as `record` takes them. The table comes back.
+const HOLDS: &str = "--hold 5,150,4 --hold=-5,300,4 --hold 5,700,4";
+/// Steps of time that are no loss of rows, of the mean step.
+const STEPS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 /// Smallest part of the largest load by which loads must differ.
 const LOADS_DIFFER: f64 = 0.3;
 
@@ -34,6 +38,7 @@ pub(super) struct Settled<'a> {
 impl<'a> Settled<'a> {
     pub(super) fn of(recording: &'a Recording, model: &'a Model) -> Result<Self> {
         let interval_s = ripple_interval_s(recording)?;
+        whole(&recording.time_s, interval_s)?;
         let skip = (SETTLE_S / interval_s) as usize;
         let holds: Vec<Hold> = holds(recording, model.feed.travel_per_radian())
             .into_iter()
@@ -63,8 +68,7 @@ impl<'a> Settled<'a> {
     pub(super) fn distinguish(&self) -> Result<()> {
         ensure!(
             self.holds.len() > 1,
-            "Holds of a table speed in the recording: {}. A search compares at least two: `--hold 5,150,4 --hold 5,300,4 --hold 5,700,4` records \
-             three",
+            "Holds of a table speed in the recording that last for {SHORTEST_S} s: {}. A search compares at least two: `{HOLDS}` records three",
             self.holds.len()
         );
         let [screw, nut] = [0, 1].map(|k| turns(&self.angles[k]));
@@ -74,8 +78,8 @@ impl<'a> Settled<'a> {
             .any(|i| (0..i).any(|j| (screw[i] * nut[j] - screw[j] * nut[i]).abs() > most));
         ensure!(
             apart,
-            "Screw and nut turn in one proportion in all holds of the recording, so that their orders cannot be told apart: hold several nut \
-             speeds, for example `--hold 5,150,4 --hold 5,300,4 --hold 5,700,4`"
+            "The turns of screw and nut are in one proportion in all holds of the recording, within a turn, so that their orders cannot be told \
+             apart: hold several nut speeds, and a table speed at which screw and nut part by more than a turn, for example `{HOLDS}`"
         );
         Ok(())
     }
@@ -123,10 +127,22 @@ impl<'a> Settled<'a> {
                 self.coordinate(1 - own, Shows::Momentum, (TORQUES, TORQUE_ORDER_MAX)),
             ],
             interval_s,
-            loads: differing(&currents),
+            loads: self.loads(&currents),
             per_speed,
             table: mean_speeds(&self.angles[2], interval_s),
         }
+    }
+
+    /// The loads, if they differ enough to tell what scales with them. Friction and what dead time loses change with the direction too: loads
+    /// are compared between holds of one direction.
+    fn loads(&self, currents: &[Vec<f64>]) -> Option<Vec<f64>> {
+        let differ = [1.0, -1.0].into_iter().any(|way| {
+            let holds = self.holds.iter().zip(currents);
+            let same = holds.filter(|(hold, _)| hold.point.velocity * way > 0.0);
+            let same: Vec<&[f64]> = same.map(|(_, current)| current.as_slice()).collect();
+            differing(&same)
+        });
+        differ.then(|| currents.iter().map(|current| mean(current)).collect())
     }
 
     /// For errors of both encoders and of the lead, in the encoders' speed less the scale's.
@@ -160,6 +176,20 @@ impl<'a> Settled<'a> {
     }
 }
 
+/// Refuses a recording that has lost or repeated rows: angles and currents are summed over them.
+fn whole(time_s: &[f64], interval_s: f64) -> Result<()> {
+    for (row, pair) in time_s.windows(2).enumerate() {
+        let step = pair[1] - pair[0];
+        ensure!(
+            STEPS.contains(&(step / interval_s)),
+            "After row {} the time steps by {step:.6} s, expected {interval_s:.6} s: rows are lost or repeated. Record again, or search the \
+             part before or after it",
+            row + 1
+        );
+    }
+    Ok(())
+}
+
 /// Turns over each hold.
 fn turns(angles: &[Vec<f64>]) -> Vec<f64> {
     let of = |angle: &Vec<f64>| (angle[angle.len() - 1] - angle[0]) / TAU;
@@ -172,19 +202,19 @@ fn over(holds: &[Hold], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
     holds.iter().map(of_hold).collect()
 }
 
-/// The loads, if they differ enough to tell what scales with them: by more than the current ripples.
-fn differing(currents: &[Vec<f64>]) -> Option<Vec<f64>> {
+/// That loads differ by more than their currents ripple.
+fn differing(currents: &[&[f64]]) -> bool {
     let loads: Vec<f64> = currents.iter().map(|current| mean(current)).collect();
     let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::MIN, f64::max);
     let most = largest(&mut loads.iter().map(|load| load.abs()));
     let difference =
         largest(&mut loads.iter().copied()) + largest(&mut loads.iter().map(|load| -load));
-    let variance = |(current, load): (&Vec<f64>, &f64)| {
+    let variance = |(current, load): (&&[f64], &f64)| {
         let squares = current.iter().map(|value| (value - load).powi(2));
         squares.sum::<f64>() / current.len() as f64
     };
     let ripple = largest(&mut currents.iter().zip(&loads).map(variance)).sqrt();
-    (difference > (LOADS_DIFFER * most).max(ripple)).then_some(loads)
+    difference > (LOADS_DIFFER * most).max(ripple)
 }
 
 /// The measured q current of a row, A: power-invariant, of two phases whose third is minus their sum.
