@@ -63,13 +63,16 @@ fn effect(effect: &Effect) -> Vec<String> {
 /// How the residual fell of the channel that the first sentence names.
 fn lead(report: &Report) -> Option<String> {
     let (_, figures) = report.lead()?;
+    let floor = match figures.noise_floor.is_finite() {
+        true => format!("noise floor {}", short(figures.noise_floor)),
+        false => "noise floor unknown".into(),
+    };
     Some(format!(
-        "{} residual on the check record: {} -> {} {} rms (noise floor {})",
+        "{} residual on the check record: {} -> {} {} rms ({floor})",
         figures.channel,
         short(figures.check_before),
         short(figures.check_after),
-        figures.unit,
-        short(figures.noise_floor)
+        figures.unit
     ))
 }
 

@@ -28,14 +28,15 @@ use crate::effects::hypothesis::Hypothesis;
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::regression::column::Column;
 use crate::regression::design::Whitener;
+use crate::regression::interval::may_be_nothing;
 use crate::regression::normal::Solution;
 use crate::search::case::Case;
 use crate::search::linearised::Linearised;
 use crate::search::progress::Progress;
 use crate::search::select::Search;
 use crate::search::selection::{
-    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
-    PART_OF_A_SHAPE, PLATE_IS_OFF, threshold,
+    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MAY_BE_NOTHING, MORE_IS_LEFT, NOT_BORNE_OUT,
+    OF_PLATE_VALUES, PART_OF_A_SHAPE, PLATE_IS_OFF, threshold,
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -55,7 +56,11 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             .or_else(|| Some((shadow(&outcome)?, OF_PLATE_VALUES)))
             .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)))
             .or_else(|| Some((stepping(&outcome)?, ANOTHER_LAW)))
-            .or_else(|| Some((of_the_plate(&outcome)?, PLATE_IS_OFF)));
+            .or_else(|| Some((of_the_plate(&outcome)?, PLATE_IS_OFF)))
+            .or_else(|| {
+                let mut effects = outcome.effects.iter();
+                Some((effects.find(|own| may_be_nothing(own))?, MAY_BE_NOTHING))
+            });
         match unsound {
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);

@@ -51,6 +51,18 @@ pub fn estimates(found: &Found) -> Vec<Estimate> {
         .collect()
 }
 
+/// Whether an effect has sizes and all of them may be zero. A frequency is no size.
+pub(crate) fn may_be_nothing(found: &Found) -> bool {
+    let is_size = |name: &str| !["phase", "order", "hz", "speed"].contains(&name);
+    let mut sizes = estimates(found);
+    sizes.retain(|own| is_size(&own.name));
+    let may_be_zero = |own: &Estimate| {
+        let [low, high] = own.interval;
+        low <= 0.0 && high >= 0.0
+    };
+    !sizes.is_empty() && sizes.iter().all(may_be_zero)
+}
+
 fn sigma(found: &Found, name: &str, value: f64) -> f64 {
     let n = found.values.len();
     let variance = |k: usize| found.covariance[k * n + k].max(0.0);

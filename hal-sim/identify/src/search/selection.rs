@@ -78,6 +78,9 @@ pub(crate) const MORE_IS_LEFT: &str =
 pub(crate) const OF_PLATE_VALUES: &str =
     "a shape without a name in another channel moves the plate values that they share by more";
 
+/// Why an effect is not named that may be none.
+pub(crate) const MAY_BE_NOTHING: &str = "its interval holds zero";
+
 /// Why an effect is not named that a wrong plate value explains as well.
 pub(crate) const PLATE_IS_OFF: &str = "a plate value beyond its tolerance explains as much: are the declared resistance, inductance, inertia, flux and friction right?";
 

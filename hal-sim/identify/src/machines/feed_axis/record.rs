@@ -184,6 +184,35 @@ impl Record {
         between(&self.pulses, k, share)
     }
 
+    /// What of the output, below 100 Hz, its law leaves, as a share of its rms.
+    pub(crate) fn law_leaves(&self) -> f64 {
+        let (law, _) = self.law();
+        let asked: Vec<f64> = (0..self.len())
+            .map(|k| self.output[k] - self.pulses[k])
+            .collect();
+        let left: Vec<f64> = (0..self.len())
+            .map(|k| asked[k] - self.by_law(law, k))
+            .collect();
+        let rms = |values: &[f64]| {
+            let filtered = butterworth_100(values, self.rate);
+            let mean = filtered.iter().sum::<f64>() / filtered.len().max(1) as f64;
+            let squares = filtered.iter().map(|value| (value - mean).powi(2));
+            squares.sum::<f64>().sqrt()
+        };
+        rms(&left) / rms(&asked)
+    }
+
+    /// The output by its law in a row, V.
+    fn by_law(&self, law: Law, k: usize) -> f64 {
+        let periods = match law {
+            Law::Ideal => 1,
+            Law::Difference(periods) => periods,
+        };
+        let before = self.position[k.saturating_sub(periods)];
+        let speed = (self.position[k] - before) * self.rate / periods as f64;
+        self.kv * (self.kp * (self.reference[k] - self.position[k]) - speed)
+    }
+
     /// How the controller differentiated: over how many periods its output follows its law best, and the rms of the
     /// residual, V.
     pub fn law(&self) -> (Law, f64) {
@@ -192,9 +221,7 @@ impl Record {
             let count = rows.len().max(1) as f64;
             let square = rows
                 .map(|k| {
-                    let speed = (self.position[k] - self.position[k - periods]) * self.rate
-                        / periods as f64;
-                    let law = self.kv * (self.kp * (self.reference[k] - self.position[k]) - speed);
+                    let law = self.by_law(Law::Difference(periods), k);
                     (self.output[k] - self.pulses[k] - law).powi(2)
                 })
                 .sum::<f64>();
