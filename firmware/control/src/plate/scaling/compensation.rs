@@ -183,6 +183,16 @@ impl<'a> LoopModel<'a> {
     }
 }
 
+/// Rounded from 2^-30 to 2^-6.
+#[allow(clippy::cast_possible_truncation)]
+const fn quarter_words(x: Phasor) -> [i8; 2] {
+    const HALF: i32 = 1 << 23;
+    [
+        (x.re.saturating_add(HALF) >> 24) as i8,
+        (x.im.saturating_add(HALF) >> 24) as i8,
+    ]
+}
+
 impl MotorPlate {
     /// Places of a turn that an alignment cannot tell apart.
     const fn places(&self) -> u32 {
@@ -217,14 +227,15 @@ impl MotorPlate {
     const fn response(&self, drive: &DrivePlate) -> Response {
         let part = drive.speed_step() * TORQUE_STEPS as f64 / drive.compensation.learning_s;
         let part = if part < 1.0 { part } else { 0.0 };
-        let mut points = Response::NONE.points;
+        let mut response = Response::NONE;
         // The loops see most where the speed loop crosses over.
         let crossover = drive.tuning.speed_rad_s * drive.board.sample_time();
         let model = LoopModel::new(self, drive);
         let most = model.at(crossover).seen().square();
-        let mut left: &mut [ResponsePoint] = &mut points;
+        let mut left: (&mut [ResponsePoint], &mut [[i8; 2]]) =
+            (&mut response.points, &mut response.sense);
         let mut k = 0usize;
-        while let [point, rest @ ..] = left {
+        while let ([point, points @ ..], [sense, senses @ ..]) = left {
             let angle = Response::frequency(k) as f64 / 4_294_967_296.0 * TAU;
             let loops = model.at(angle);
             let least = if drive.rejection.disturbance_rad_s != 0.0 && angle < crossover {
@@ -239,21 +250,17 @@ impl MotorPlate {
                     .scaled(2.0 * part)
                     .words(34),
                 follow: Complex::ONE.over(loops.followed()).words(29),
-                sense: loops.observed.over(loops.held).words(30),
-                sense_follow: Complex::ONE
-                    .over(loops.followed().times(loops.observed))
-                    .words(29),
             };
-            left = rest;
+            *sense = quarter_words(loops.observed.over(loops.held).words(30));
+            left = (points, senses);
             k = k.saturating_add(1);
         }
         let highest = 4_294_967_296.0 * FREQUENCY_MAX / drive.board.speed_divider as f64;
         let last = Response::frequency(POINTS.wrapping_sub(1)) as f64 - 1.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        Response {
-            points,
-            frequency_max: (if highest < last { highest } else { last }) as u32,
-        }
+        let frequency_max = (if highest < last { highest } else { last }) as u32;
+        response.frequency_max = frequency_max;
+        response
     }
 }
 
@@ -773,10 +780,7 @@ mod tests {
         let per_hz = plate.board.sample_time() * 4_294_967_296.0;
         let step = plate.board.sample_time() * f64::from(plate.board.speed_divider);
         for hz in [2.0, 20.0, 53.0, 120.0] {
-            let sense = response
-                .at((hz * per_hz) as u32)
-                .unwrap()
-                .of(|point| point.sense);
+            let sense = response.at((hz * per_hz) as u32).unwrap().sense();
             let x = TAU * hz / plate.tuning.observer_rad_s;
             let low_pass = Complex::ONE.over(Complex {
                 re: 1.0 - x * x,

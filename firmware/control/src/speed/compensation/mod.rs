@@ -33,7 +33,7 @@ use crate::base::format::{Angle, Current, Speed, multiply_upper};
 use beat::BeatConfig;
 use fit::TableChecks;
 use line::{Line, Order, Phasor};
-use response::{BetweenPoints, Response};
+use response::Response;
 use slope::LoadSlope;
 use usual::UsualError;
 
@@ -463,17 +463,17 @@ impl Compensation {
                 let Some(point) = response.at(line.order().frequency(theta_step)) else {
                     return line.tune(Phasor::ZERO, Phasor::ZERO, SPEED_PART_MAX);
                 };
-                let learns = if shared && lags(&point) {
+                let sense = point.sense();
+                let follow = through(point.learning(|point| point.follow), sense);
+                let follow = if shared { between_both(follow) } else { follow };
+                let learns = if shared && lags(follow) {
                     Phasor::ZERO
                 } else {
-                    let follow = point.learning(|point| point.sense_follow);
                     learning(config, follow, line.order(), theta_step, slower).halved(halved)
                 };
                 let learns = if motor == 0 { learns } else { negative(learns) };
                 // 2^-27 times 2^-30 is 2^-57, of which the upper word is in 2^-25.
-                let gives = line
-                    .coefficient()
-                    .times(point.of(|point| point.sense).turned_by(theta_step), 2);
+                let gives = line.coefficient().times(sense.turned_by(theta_step), 2);
                 line.tune(gives, learns, SPEED_PART_MAX);
             }
             return;
@@ -488,11 +488,16 @@ impl Compensation {
             let stands = nut.unsigned_abs() < slower >> 3;
             let shared = stands && has(screw_torque, line.order());
             let learns = match response.at(line.order().frequency(relative)) {
-                Some(point) if !(shared && lags(&point)) => {
+                Some(point) => {
                     let follow = point.learning(|point| point.follow);
-                    learning(config, follow, line.order(), relative, slower).halved(halved)
+                    match shared && lags(through(follow, point.sense())) {
+                        true => Phasor::ZERO,
+                        false => {
+                            learning(config, follow, line.order(), relative, slower).halved(halved)
+                        }
+                    }
                 }
-                _ => Phasor::ZERO,
+                None => Phasor::ZERO,
             };
             line.tune(line.coefficient(), learns, SPEED_PART_MAX);
         }
@@ -613,11 +618,40 @@ fn has(lines: &[Line; TORQUES], order: Order) -> bool {
     lines.iter().any(|line| line.order() == order)
 }
 
-/// That the speed follows a reference by more than 76 degrees late. Where the motor has a torque of the order that its encoder errs by, the
-/// speed follows at once as soon as the torque is learned. The model's phase is then wrong by that of the loops, so nothing is learned.
-fn lags(point: &BetweenPoints) -> bool {
-    let follow = point.learning(|point| point.follow);
+/// What must be given per true speed that an encoder with an error shows, 2^-29. The phase is that of `follow` over `sense`, less that of
+/// the hold of what is given, which is small. The size is smaller: what is seen little is learned more slowly.
+fn through(follow: Phasor, sense: Phasor) -> Phasor {
+    // 2^-29 times 2^-30 is 2^-59, of which the upper word is in 2^-27.
+    follow.times(sense.turned_by(-1), 2)
+}
+
+/// That a speed follows by more than 76 degrees late.
+fn lags(follow: Phasor) -> bool {
     follow.re < follow.im.saturating_abs() >> 2
+}
+
+/// What must be given per true speed by a line whose order the motor's torque has too. While that torque is being learned, the speed follows
+/// the loops: `follow` is the inverse. Once it is learned, the measured speed has no error, and the true one follows at once. So the phase is
+/// half of that of `follow`, within 76 degrees of both up to 152, and the size at most 1.
+fn between_both(follow: Phasor) -> Phasor {
+    const ONE: i32 = 1 << 29;
+    let mut follow = follow;
+    // A word is four at most.
+    for _ in 0..2 {
+        if follow.re.saturating_abs().max(follow.im.saturating_abs()) > ONE {
+            follow = follow.halved(1);
+        }
+    }
+    let (re, im) = (follow.re.saturating_abs(), follow.im.saturating_abs());
+    let (larger, smaller) = (re.max(im), re.min(im));
+    // Its length, within 7 %. The sum of a number and its length has half its angle.
+    let length = larger
+        .saturating_add(smaller >> 2)
+        .saturating_add(smaller >> 3);
+    Phasor {
+        re: follow.re.saturating_add(length) >> 1,
+        im: follow.im >> 1,
+    }
 }
 
 /// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `follow` is what must be given per true speed.
@@ -678,6 +712,25 @@ fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
 mod tests {
     use super::*;
     use crate::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate, test_plate};
+
+    #[test]
+    fn a_line_that_a_torque_shares_learns_halfway_between_both() {
+        for degrees in [-150.0f64, -120.0, -60.0, -5.0, 0.0, 30.0, 95.0, 150.0] {
+            for size in [0.2, 1.0, 3.0] {
+                let (sin, cos) = degrees.to_radians().sin_cos();
+                let one = 536_870_912.0 * size;
+                let follow = Phasor {
+                    re: (one * cos) as i32,
+                    im: (one * sin) as i32,
+                };
+                let half = between_both(follow);
+                let (re, im) = (f64::from(half.re), f64::from(half.im));
+                let off = im.atan2(re).to_degrees() - degrees / 2.0;
+                assert!(off.abs() < 8.0, "{degrees} degrees, {size}: off by {off}");
+                assert!(re.hypot(im) < 1.1 * 536_870_912.0, "{size}");
+            }
+        }
+    }
 
     /// Every line has an order, and a scale shows them.
     fn config() -> CompensationConfig {

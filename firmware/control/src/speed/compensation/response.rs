@@ -25,11 +25,6 @@ pub struct ResponsePoint {
     pub learn: Phasor,
     /// Reference per true speed, 2^-29: the inverse of how the speed follows.
     pub follow: Phasor,
-    /// What cancels an error of the encoder in the speed reference, per error of the speed, 2^-30: the observer delays the error, and the
-    /// hold of what is added delays that.
-    pub sense: Phasor,
-    /// Error of the encoder's speed per true speed, 2^-29: the inverse of how the speed follows an error that is cancelled.
-    pub sense_follow: Phasor,
 }
 
 impl ResponsePoint {
@@ -37,8 +32,6 @@ impl ResponsePoint {
         realise: Phasor::ZERO,
         learn: Phasor::ZERO,
         follow: Phasor::ZERO,
-        sense: Phasor::ZERO,
-        sense_follow: Phasor::ZERO,
     };
 }
 
@@ -47,6 +40,8 @@ impl ResponsePoint {
 pub struct BetweenPoints<'a> {
     from: &'a ResponsePoint,
     to: &'a ResponsePoint,
+    /// [`Response::sense`] at both.
+    sense: [[i8; 2]; 2],
     /// Part of the way from one to the other, 2^-31.
     way: i32,
     /// Below the table nothing is learned.
@@ -59,6 +54,17 @@ impl BetweenPoints<'_> {
     #[inline(always)]
     pub fn of(&self, number: impl Fn(&ResponsePoint) -> Phasor) -> Phasor {
         between(number(self.from), number(self.to), self.way)
+    }
+
+    /// [`Response::sense`], 2^-30.
+    #[must_use]
+    #[inline(always)]
+    pub fn sense(&self) -> Phasor {
+        let [from, to] = self.sense.map(|[re, im]| Phasor {
+            re: i32::from(re) << 24,
+            im: i32::from(im) << 24,
+        });
+        between(from, to, self.way)
     }
 
     /// One that turns an error into learning.
@@ -77,6 +83,10 @@ impl BetweenPoints<'_> {
 pub struct Response {
     /// Rising, a quarter octave apart on a straight line each.
     pub points: [ResponsePoint; POINTS],
+    /// At each point: what cancels an error of the encoder in the speed reference, per error of the speed, 2^-6. The observer delays the
+    /// error, and the hold of what is added delays that. Stack and RAM hold it many times, and 1 % is enough: the lines between points
+    /// are off by more.
+    pub sense: [[i8; 2]; POINTS],
     /// What is above is not compensated, 2^-32 turn a PWM period.
     pub frequency_max: u32,
 }
@@ -85,6 +95,7 @@ impl Response {
     /// That of a drive that compensates nothing.
     pub(crate) const NONE: Self = Self {
         points: [ResponsePoint::NONE; POINTS],
+        sense: [[0; 2]; POINTS],
         frequency_max: 0,
     };
 
@@ -107,11 +118,12 @@ impl Response {
         if frequency > self.frequency_max {
             return None;
         }
-        let [first, ..] = &self.points;
+        let ([first, ..], [sense, ..]) = (&self.points, &self.sense);
         if frequency < 1 << LOWEST_BITS {
             return Some(BetweenPoints {
                 from: first,
                 to: first,
+                sense: [*sense; 2],
                 way: 0,
                 learns: false,
             });
@@ -123,6 +135,10 @@ impl Response {
         Some(BetweenPoints {
             from: self.points.get(index)?,
             to: self.points.get(index.wrapping_add(1))?,
+            sense: [
+                *self.sense.get(index)?,
+                *self.sense.get(index.wrapping_add(1))?,
+            ],
             way: (rest << STEP_BITS >> 1).cast_signed(),
             learns: true,
         })
