@@ -22,9 +22,8 @@ pub fn run() -> Result<()> {
     let mains = "--no-default-features --features board-mains";
     run_all(&[
         Step::cargo(format!("clippy {HOST} --all-targets -- -D warnings")).with(&emulator),
-        // Without its default features, and as it is built by default.
-        Step::cargo("clippy --package ddfeed --lib --no-default-features -- -D warnings"),
-        Step::cargo("clippy --package ddfeed --all-targets -- -D warnings"),
+        // As it is built by default. Without its default features the browser page has it.
+        Step::cargo("clippy --package ddfeed -- -D warnings"),
         Step::documentation(HOST).with(&emulator),
         // Both boards; the default one last, whose ELF is the one that is flashed.
         Step::cargo(format!("clippy {firmware} {mains} -- -D warnings")),
