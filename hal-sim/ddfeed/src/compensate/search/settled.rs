@@ -64,7 +64,7 @@ impl<'a> Settled<'a> {
         })
     }
 
-    /// Refuses holds from which screw, nut and lead cannot be told apart: angles of two holds must differ in their proportion by a turn.
+    /// Refuses holds that cannot distinguish screw, nut and lead: angles of two holds must differ in their proportion by a turn.
     pub(super) fn distinguish(&self) -> Result<()> {
         ensure!(
             self.holds.len() > 1,
