@@ -122,8 +122,9 @@ pub fn learned_in_double_drive(
     velocity: f64,
     nut_rpm: f64,
     seconds: f64,
+    seed: u64,
 ) -> Result<Smoothness, ExperimentError> {
-    let setup = setup(machine, 1);
+    let setup = setup(machine, seed);
     let mut drive = drive(&setup, orders(&setup, LEARNING_S, true))?;
     let learns = OperatingPoint {
         velocity,
@@ -149,8 +150,9 @@ pub fn board_alone(
     machine: Machine,
     nut_rpm: f64,
     velocity: f64,
+    seed: u64,
 ) -> Result<Smoothness, ExperimentError> {
-    let mut setup = setup(machine, 1);
+    let mut setup = setup(machine, seed);
     without_ripple(&mut setup.model);
     let point = OperatingPoint {
         velocity,

@@ -44,10 +44,10 @@ type Board = (Smoothness, Smoothness, Option<Smoothness>);
 pub(super) fn boards() -> Result<Vec<Board>> {
     let left = on_all_cores(&BOARDS, |&(machine, nut_rpm, velocity)| {
         let ours = floor(machine, nut_rpm, velocity, Without::Nothing)?;
-        let alone = board_alone(machine, nut_rpm, velocity)?;
+        let alone = board_alone(machine, nut_rpm, velocity, 1)?;
         let cold = if velocity == CREEP && nut_rpm == 0.0 {
             Some(learned_in_double_drive(
-                machine, velocity, LEARNS_RPM, COLD_S,
+                machine, velocity, LEARNS_RPM, COLD_S, 1,
             )?)
         } else {
             None
