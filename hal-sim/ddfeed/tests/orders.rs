@@ -16,7 +16,8 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
 use std::error::Error;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
 /// Rows a second, and the length of a hold.
 const ROWS_HZ: f64 = 5e3;
@@ -118,23 +119,32 @@ fn known(plates: &[OrderPlate], order: f64) -> Complex64 {
     Complex64::new(plate.re, plate.im)
 }
 
-/// What `compensate --search` writes, as a drive takes it.
-fn imported(model: &Model, recording: &Recording) -> Result<CompensationPlate, Box<dyn Error>> {
-    let folder = tempfile::tempdir()?;
+/// `compensate --search` in a folder: what it printed, and the settings' file.
+fn searched(
+    folder: &Path,
+    model: &Model,
+    recording: &Recording,
+) -> Result<(Output, PathBuf), Box<dyn Error>> {
     let [recorded, declared, found] =
-        ["record.csv", "model.toml", "found.toml"].map(|name| folder.path().join(name));
+        ["record.csv", "model.toml", "found.toml"].map(|name| folder.join(name));
     recording.save(&recorded)?;
     std::fs::write(&declared, model.to_toml())?;
-    let status = Command::new(env!("CARGO_BIN_EXE_ddfeed"))
+    let output = Command::new(env!("CARGO_BIN_EXE_ddfeed"))
         .args(["compensate", "--search", "--model"])
         .arg(declared)
         .arg("--recording")
         .arg(recorded)
         .arg("--settings")
         .arg(&found)
-        .stdout(Stdio::null())
-        .status()?;
-    assert!(status.success(), "compensate ended with {status}");
+        .output()?;
+    Ok((output, found))
+}
+
+/// What it writes, as a drive takes it.
+fn imported(model: &Model, recording: &Recording) -> Result<CompensationPlate, Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let (output, found) = searched(folder.path(), model, recording)?;
+    assert!(output.status.success(), "compensate ended with {output:?}");
     let plate = setup(LOADS_NM[0]).plate();
     let settings = of_toml(
         &Settings::of_plate(&plate),
@@ -226,6 +236,28 @@ fn a_recording_that_cannot_distinguish_orders_is_refused() -> Result<(), Box<dyn
         assert!(
             told.contains(sentence) && told.contains("--hold"),
             "{holds:?} (m/s, rpm): {told}"
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn a_recording_of_another_machine_or_with_lost_rows_is_refused() -> Result<(), Box<dyn Error>> {
+    let whole = recording(&LOADS_NM[..1], &[(5e-3, 150.0), (-5e-3, 300.0)])?;
+    let mut lost = whole.clone();
+    lost.time_s[5000..].iter_mut().for_each(|time| *time += 0.1);
+    let mut other = machine();
+    other.feed.lead_m *= 2.0;
+    for (model, recording, sentence) in [
+        (machine(), &lost, "rows are lost or repeated"),
+        (other, &whole, "contradict each other"),
+    ] {
+        let folder = tempfile::tempdir()?;
+        let (output, found) = searched(folder.path(), &model, recording)?;
+        let told = String::from_utf8(output.stderr)?;
+        assert!(
+            !output.status.success() && !found.exists() && told.contains(sentence),
+            "{told}"
         );
     }
     Ok(())

@@ -1,8 +1,8 @@
 //! What counts as right.
 
 use identify::analysis::Outcome;
+use identify::conclusion::interval::estimates;
 use identify::record::Record;
-use identify::regression::interval::estimates;
 use identify::search::roundings::balance;
 use identify::signal::channel::Channel;
 use identify::signal::noise::Noise;

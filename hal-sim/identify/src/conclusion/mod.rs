@@ -3,6 +3,7 @@
 pub mod channels;
 pub mod curves;
 pub(crate) mod figures;
+pub mod interval;
 pub mod outcome;
 pub(crate) mod possible;
 pub(crate) mod recalibrated;
@@ -16,9 +17,12 @@ pub mod verdict;
 use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
+use crate::conclusion::interval::may_be_nothing;
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
 use crate::conclusion::possible::curved;
-use crate::conclusion::recalibrated::{at_ends, calibration, curve_shares, load_nm, new_model};
+use crate::conclusion::recalibrated::{
+    at_ends, calibration, curve_shares, load_nm, names_at_ends, new_model,
+};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
 use crate::conclusion::steps::step_beyond_ramp;
@@ -28,7 +32,6 @@ use crate::effects::hypothesis::Hypothesis;
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::regression::column::Column;
 use crate::regression::design::Whitener;
-use crate::regression::interval::may_be_nothing;
 use crate::regression::normal::Solution;
 use crate::search::case::Case;
 use crate::search::linearised::Linearised;
@@ -302,20 +305,10 @@ impl Weighing<'_> {
 
     /// Plate values that are at an end of their tolerance with all effects in place or `without` one; none if none is with all in place.
     fn at_their_ends(&self, without: &Solution) -> Vec<usize> {
-        let parameters = &self.case.base.parameters;
-        let ends = |solution: &Solution| -> Vec<usize> {
-            let held = solution.held.iter().map(|(k, _)| *k);
-            let is_plate = |k: &usize| {
-                parameters
-                    .get(*k)
-                    .is_some_and(|(own, _)| own.is_of_the_plate())
-            };
-            held.filter(is_plate).collect()
-        };
-        let with = ends(self.solution);
+        let with = at_ends(self.case, self.solution);
         match with.is_empty() {
             true => with,
-            false => [with, ends(without)].concat(),
+            false => [with, at_ends(self.case, without)].concat(),
         }
     }
 
@@ -462,7 +455,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .then(|| table_force(case.balance, &channels, &fixed, &white)),
         channels,
         by_plate,
-        at_ends: at_ends(case, &solution),
+        at_ends: names_at_ends(case, &solution),
         load_nm: load_nm(case, &solution),
         curves: Vec::new(),
         doubts: doubts

@@ -53,15 +53,26 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .collect()
 }
 
-/// Plate values that the record has at an end of their tolerance.
-pub(crate) fn at_ends(case: &Case, solution: &Solution) -> Vec<String> {
-    let held = solution.held.iter();
-    held.filter_map(|(k, _)| {
-        let (parameter, _) = case.base.parameters.get(*k)?;
-        let name = declared_name(*parameter, case.balance.signals.machine)?;
-        parameter.is_of_the_plate().then_some(name)
-    })
-    .collect()
+/// Places of the plate values that the record has at an end of their tolerance.
+pub(crate) fn at_ends(case: &Case, solution: &Solution) -> Vec<usize> {
+    let is_plate = |k: &usize| {
+        let own = case.base.parameters.get(*k);
+        own.is_some_and(|(own, _)| own.is_of_the_plate())
+    };
+    let held = solution.held.iter().map(|(k, _)| *k);
+    held.filter(is_plate).collect()
+}
+
+/// Their names in a model file.
+pub(crate) fn names_at_ends(case: &Case, solution: &Solution) -> Vec<String> {
+    let name = |k: usize| {
+        let (parameter, _) = case.base.parameters[k];
+        declared_name(parameter, case.balance.signals.machine)
+    };
+    at_ends(case, solution)
+        .into_iter()
+        .filter_map(name)
+        .collect()
 }
 
 /// The load that a motor alone is taken to have, N m.

@@ -4,7 +4,6 @@ pub(crate) mod bounded;
 pub(crate) mod column;
 pub mod design;
 pub mod gain;
-pub mod interval;
 pub(crate) mod inverse;
 pub mod normal;
 pub(crate) mod sandwich;

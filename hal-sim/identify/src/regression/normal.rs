@@ -199,6 +199,9 @@ impl Normal {
 
     /// By how much the cost falls if nothing is known of given parameters.
     pub(crate) fn fall_without_priors(&self, of: &[usize]) -> f64 {
+        if of.is_empty() {
+            return 0.0;
+        }
         let mut free = self.clone();
         of.iter().for_each(|&k| free.priors[k] = Prior::FREE);
         let cost = |normal: &Normal| normal.cost(&normal.solve(None).values);

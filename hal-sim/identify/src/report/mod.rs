@@ -10,11 +10,11 @@ pub use motor::{axis_by_balance, motor};
 pub use traced::traced;
 pub use write::{WriteError, write};
 
+use crate::conclusion::interval::Estimate;
 use crate::conclusion::rest::Remnant;
 use crate::conclusion::said::Said;
 use crate::effects::refusals::Refusal;
 use crate::records::DataQuality;
-use crate::regression::interval::Estimate;
 use crate::regression::sandwich::interval;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -6,11 +6,11 @@ use super::{
 };
 use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, TableForce};
 use crate::conclusion::curves::Learned;
+use crate::conclusion::interval::estimates;
 use crate::conclusion::verdict::Judged;
 use crate::effects::family::Family;
 use crate::machines::Machine;
 use crate::records::DataQuality;
-use crate::regression::interval::estimates;
 use crate::regression::sandwich::interval;
 use crate::search::select::Trial;
 use crate::signal::channel::Channel as Balance;

@@ -107,3 +107,35 @@ pub(super) fn drawn(machines: u64, clean: u64) -> Value {
         "false_alarms": alarms,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plant::model::MotorModel;
+
+    /// A plate that is wrong by more than its tolerance is no effect: half of the friction was Stribeck friction, a resistance too low a dead
+    /// time.
+    #[test]
+    fn a_wrong_plate_has_no_name_and_is_asked_about() {
+        for (name, wrong) in [
+            (
+                "motor.coulomb_nm",
+                (|motor| motor.coulomb_nm *= 0.5) as fn(&mut MotorModel),
+            ),
+            ("motor.resistance_ohm", |motor| motor.resistance_ohm *= 0.85),
+        ] {
+            let mut asked = 0;
+            for seed in 0..4 {
+                let mut machine = draw::alone(50_000 + seed, &[], &|_: &mut Plant| ());
+                wrong(&mut machine.declared.nut);
+                let outcome = told(&machine);
+                let sentence = outcome.judged().said.sentence();
+                println!("{name} {seed}: {sentence}");
+                assert!(outcome.effects.is_empty(), "{name} {seed}: {sentence}");
+                asked += usize::from(sentence.contains(name));
+            }
+            // A shape without a name may take what the plate value lacks.
+            assert!(asked > 0, "{name}: no report asks about it");
+        }
+    }
+}

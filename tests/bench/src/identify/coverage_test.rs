@@ -2,7 +2,7 @@
 
 use crate::draw::draw;
 use identify::analysis::analyse;
-use identify::regression::interval::estimates;
+use identify::conclusion::interval::estimates;
 
 /// Standard deviations that a value may be off by: chance exceeds them once in 370 times.
 const SURE: f64 = 3.0;

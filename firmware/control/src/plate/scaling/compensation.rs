@@ -123,24 +123,8 @@ impl<'a> LoopModel<'a> {
             .over(Complex::ONE.minus(late.scaled(kept)));
         let current = open.over(Complex::ONE.plus(open));
 
-        let mut step_late = Complex::ONE;
-        let mut hold = Complex { re: 0.0, im: 0.0 };
-        let mut k = 0u32;
-        while k < drive.board.speed_divider {
-            hold = hold.plus(step_late);
-            step_late = step_late.times(late);
-            k = k.saturating_add(1);
-        }
-        let hold = hold.scaled(1.0 / drive.board.speed_divider as f64);
-        let mut held = Complex { re: 0.0, im: 0.0 };
-        let mut at = Complex::ONE;
-        let mut k = 0u8;
-        while k < SPEED_STEPS {
-            held = held.plus(at);
-            at = at.times(step_late);
-            k = k.saturating_add(1);
-        }
-        let held = held.scaled(1.0 / SPEED_STEPS as f64);
+        let (hold, step_late) = held_for(drive.board.speed_divider, late);
+        let (held, _) = held_for(SPEED_STEPS as u32, step_late);
         let realised = late.times(hold).times(current);
 
         let mean = Complex::ONE
@@ -181,6 +165,20 @@ impl<'a> LoopModel<'a> {
             open: controller.plus(observer).times(accelerated).times(observed),
         }
     }
+}
+
+/// What holds for so many steps, each `late` by a step: per what is held, and how late the next is.
+#[inline(never)]
+const fn held_for(steps: u32, late: Complex) -> (Complex, Complex) {
+    let mut next = Complex::ONE;
+    let mut held = Complex { re: 0.0, im: 0.0 };
+    let mut k = 0u32;
+    while k < steps {
+        held = held.plus(next);
+        next = next.times(late);
+        k = k.saturating_add(1);
+    }
+    (held.scaled(1.0 / steps as f64), next)
 }
 
 /// Rounded from 2^-30 to 2^-6.

@@ -1,6 +1,6 @@
 //! Confidence intervals of an effect's parameters.
 
-use crate::analysis::Found;
+use crate::conclusion::outcome::Found;
 use crate::effects::family::Family;
 use crate::regression::sandwich::NORMAL_95;
 
