@@ -7,6 +7,7 @@ use crate::machines::feed_axis::{self, Axis};
 use crate::machines::motor::{self, MotorModel};
 use crate::machines::pmsm;
 use crate::machines::pmsm_file::PmsmModel;
+use crate::machines::voltage_frame;
 use crate::records::quality::{Finding, Plate, wrong_data};
 use crate::records::{
     self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map, windows,
@@ -283,7 +284,7 @@ impl Task {
             return Err(model.other_pole_pairs(other).into());
         }
         let front = self.records(&mapping, None, Plate::Pmsm(&model.motor), told)?;
-        let accounts = front.accounts();
+        let mut accounts = front.accounts();
         let sensing = model.sensing(front.fit.rate);
         let own = |record: &Record| {
             let voltages = ["ud_v", "uq_v"].map(|name| record.get(name).map(<[f64]>::to_vec));
@@ -309,7 +310,18 @@ impl Task {
                 angle_rad,
             })
         };
-        let (fit, check) = (own(&front.fit)?, own(&front.check)?);
+        let mut sides = [own(&front.fit)?, own(&front.check)?];
+        let rates = [sensing.sample_hz, sensing.control_hz];
+        if let Some(age) = voltage_frame::age_s(&model.motor, rates, &sides[0]) {
+            for (record, account) in sides.iter_mut().zip(&mut accounts) {
+                voltage_frame::turn(pole_pairs, sensing.sample_hz, age, record);
+                account.notes.push(format!(
+                    "its voltages are turned by what the rotor turns in {:.1} us: they belong to an angle so much before their row's",
+                    1e6 * age
+                ));
+            }
+        }
+        let [fit, check] = sides;
         told("tracing the residual", None);
         let outcome = pmsm::identify(&model.motor, &sensing, &fit, &check);
         Ok(Done {

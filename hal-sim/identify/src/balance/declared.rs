@@ -1,8 +1,9 @@
 //! The residuals of the declared model itself.
 
 use super::linear::linear;
-use super::{Balance, Contribution, Spring, brake, shaped};
+use super::{Balance, Contribution, Spring, brake, delayed, shaped};
 use crate::signal::channel::Channel;
+use crate::signal::fourier::Spectrum;
 use crate::signal::signals::rounded_sign;
 use fft::Complex64;
 use plant::Axis;
@@ -44,6 +45,12 @@ impl Balance<'_> {
         residual
     }
 
+    /// A voltage that was commanded for the control period that ends at its row, when it was applied: in the middle of the period.
+    fn applied(&self, commanded: &[f64]) -> Spectrum {
+        let age = 0.5 / self.model.sensing.control_hz;
+        delayed(self.fourier, &self.fourier.spectrum(commanded), -age)
+    }
+
     /// The voltage residuals of both motors under the declared model.
     fn voltage_residual(&self) -> Contribution {
         let mut residual = Contribution::default();
@@ -51,17 +58,16 @@ impl Balance<'_> {
             let (motor, s) = (self.model.motor(axis), &self.signals.motors[axis.index()]);
             let omega_e = |k: usize| f64::from(motor.pole_pairs) * s.omega[k];
             let d = self.spectrum_of(FULL, |k| {
-                s.u_d[k] - motor.resistance_ohm * s.i_d[k]
-                    + omega_e(k) * motor.inductance_h * s.i_q[k]
+                omega_e(k) * motor.inductance_h * s.i_q[k] - motor.resistance_ohm * s.i_d[k]
             });
+            residual.add(Channel::VoltageD(axis), 1.0, &self.applied(&s.u_d));
             residual.add(Channel::VoltageD(axis), 1.0, &d);
             residual.add(Channel::VoltageD(axis), -motor.inductance_h, &s.i_d_rate);
             let q = self.spectrum_of(FULL, |k| {
-                s.u_q[k]
-                    - motor.resistance_ohm * s.i_q[k]
-                    - omega_e(k) * motor.inductance_h * s.i_d[k]
+                -motor.resistance_ohm * s.i_q[k] - omega_e(k) * motor.inductance_h * s.i_d[k]
             });
             let emf = f64::from(motor.pole_pairs) * motor.flux_wb;
+            residual.add(Channel::VoltageQ(axis), 1.0, &self.applied(&s.u_q));
             residual.add(Channel::VoltageQ(axis), 1.0, &q);
             residual.add(Channel::VoltageQ(axis), -emf, &s.speed);
             residual.add(Channel::VoltageQ(axis), -motor.inductance_h, &s.i_q_rate);

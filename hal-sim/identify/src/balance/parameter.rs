@@ -1,12 +1,14 @@
 //! What declared parameters and nuisances of a record add to the residuals.
 
 use super::declared::FULL;
-use super::{Balance, Contribution, brake, shaped};
+use super::{Balance, CLEAR, Contribution, brake, shaped};
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::machines::declared_or_unit;
 use crate::signal::channel::Channel;
+use crate::signal::noise::white_noise;
 use crate::signal::signals::{SMOOTH_HZ as SMOOTH, rounded_sign};
 use plant::Axis;
+use std::f64::consts::TAU;
 
 impl Balance<'_> {
     /// What relative changes of the declared parameters, and nuisances of the record, add to the residuals.
@@ -88,6 +90,7 @@ impl Balance<'_> {
             Channel::VoltageQ(axis),
         );
         let omega_e = |k: usize| pole_pairs * s.omega[k];
+        let period = 1.0 / self.model.sensing.control_hz;
         match which {
             MotorParameter::Inertia => {
                 let unit = declared_or_unit(motor.inertia_kg_m2);
@@ -136,12 +139,20 @@ impl Balance<'_> {
                 );
             }
             MotorParameter::VoltageLag => {
-                let bend = self.fourier.curvature(&s.i_q_smooth);
-                sum.add(q, motor.inductance_h, &bend);
+                for (channel, commanded) in [(d, &s.u_d), (q, &s.u_q)] {
+                    let noise = white_noise(commanded).powi(2);
+                    let rate = self.fourier.slope(commanded);
+                    let told = self.fourier.above_noise(&rate, CLEAR, |bin| {
+                        noise * (TAU * self.fourier.hz(bin)).powi(2)
+                    });
+                    sum.add(channel, period, &told);
+                }
             }
             MotorParameter::AngleLag => {
-                sum.add(d, -1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]));
-                sum.add(q, 1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_d[k]));
+                let of_d = self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]);
+                let of_q = self.spectrum_of(FULL, |k| omega_e(k) * s.u_d[k]);
+                sum.add(d, -period, &of_d);
+                sum.add(q, period, &of_q);
             }
         }
         sum

@@ -76,9 +76,10 @@ pub enum MotorParameter {
     /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
     /// half a period apart read the angles so.
     ReadingLag,
-    /// Time by which the commanded voltages are later than the currents, s: a nuisance.
+    /// Time by which the commanded voltages are younger than those of the control period that ends at their row, control periods: a
+    /// nuisance.
     VoltageLag,
-    /// Time by which the frame of the commanded voltages is off, s: a nuisance.
+    /// Time by which the frame of the commanded voltages is off, control periods: a nuisance.
     AngleLag,
 }
 
@@ -160,8 +161,9 @@ impl Parameter {
                 MotorParameter::Load => f64::INFINITY,
                 // The period that is read has between none and twice the mean.
                 MotorParameter::ReferenceStep => 1.0,
-                MotorParameter::AngleLag => 2e-5,
-                MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,
+                MotorParameter::AngleLag => 0.4,
+                MotorParameter::VoltageLag => 2.0,
+                MotorParameter::ReadingLag => 1e-4,
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::GuidewayShare => 1.0,

@@ -8,6 +8,7 @@ pub mod feed_axis;
 pub mod motor;
 pub mod pmsm;
 pub(crate) mod pmsm_file;
+pub(crate) mod voltage_frame;
 
 pub use double_drive::DoubleDrive;
 pub use pmsm::Pmsm;

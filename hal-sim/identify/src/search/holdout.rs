@@ -109,6 +109,11 @@ impl Validated {
         1.0 - (self.squares[1] / self.squares[0].max(1e-300)).sqrt()
     }
 
+    /// Rms of what it explains of what was not fitted.
+    pub(crate) fn explained_rms(&self) -> f64 {
+        (self.squares[0] - self.squares[1]).max(0.0).sqrt()
+    }
+
     /// Whether what it was not fitted to bears it out.
     pub(crate) fn borne_out(&self) -> Result<(), &'static str> {
         self.on_check.borne_out()

@@ -17,6 +17,10 @@ pub(crate) const CONFIRMED: f64 = 0.25;
 /// Share by which an effect must lower the rms of what it was not fitted to where no noise floor is declared, of a feed axis
 /// and of a motor.
 pub const MATERIAL_OF_ERROR: f64 = 0.01;
+/// Share of the force's rms that a term of a feed axis must explain of what it was not fitted to: friction and the law of a clean axis
+/// repeat less well than this. An order of the turn is told from them by its frequency.
+pub(crate) const MATERIAL_OF_FORCE: f64 = 0.01;
+pub(crate) const MATERIAL_ORDER_OF_FORCE: f64 = 0.002;
 pub(crate) const MATERIAL_OF_CURRENT: f64 = 0.005;
 /// The same of an order that a slow turn of the same motor has.
 pub(crate) const VOUCHED_OF_CURRENT: f64 = 5e-4;

@@ -14,7 +14,9 @@ use crate::regression::column::Column;
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
-use crate::search::selection::MATERIAL_OF_ERROR;
+use crate::search::selection::{
+    MATERIAL_OF_ERROR, MATERIAL_OF_FORCE, MATERIAL_ORDER_OF_FORCE, TOO_LITTLE,
+};
 use crate::signal::filter::butterworth_100;
 use crate::signal::leftover::{Over, Residual};
 use std::f64::consts::TAU;
@@ -105,12 +107,14 @@ struct Linearised<'a> {
     record: &'a Record,
     folds: &'a [Vec<usize>; 2],
     force: Vec<f64>,
+    /// Rms of the force that a term must explain, N: an order of the turn, and any other.
+    material_n: [f64; 2],
     /// Its parameters fitted on either fold and compared with the other.
     holdouts: [Holdout; 2],
 }
 
 impl<'a> Linearised<'a> {
-    fn new(axis: Axis, record: &'a Record, folds: &'a [Vec<usize>; 2]) -> Self {
+    fn new(axis: Axis, record: &'a Record, folds: &'a [Vec<usize>; 2], shares: [f64; 2]) -> Self {
         let measured = butterworth_100(&record.force(), record.rate);
         let force = simulated(&axis, record);
         let own = axis.parameters();
@@ -120,6 +124,8 @@ impl<'a> Linearised<'a> {
         };
         let parameters: Vec<Vec<f64>> = (0..own.len()).map(column).collect();
         let left = difference(&measured, &force, 1.0);
+        let rms =
+            (measured.iter().map(|f| f * f).sum::<f64>() / measured.len().max(1) as f64).sqrt();
         let holdouts = SIDES.map(|sides| {
             let mut holdout = Holdout::new(sides.map(|fold| cut(&left, &folds[fold])));
             let columns = sides.map(|fold| cut_all(&parameters, &folds[fold]));
@@ -131,6 +137,7 @@ impl<'a> Linearised<'a> {
             record,
             folds,
             force,
+            material_n: shares.map(|share| share * rms),
             holdouts,
         }
     }
@@ -214,6 +221,13 @@ struct Judged {
 }
 
 impl Judged {
+    /// Friction that is lower at rest is no law of its own where a spring before sliding makes it so.
+    fn refuse_lower_at_rest(&mut self) {
+        if self.start.term == Term::Stribeck && self.validated.values[0] < 0.0 {
+            self.stands = Err(SPRING);
+        }
+    }
+
     fn trial(&self) -> Trial {
         Trial {
             term: self.start.term,
@@ -250,8 +264,17 @@ impl Linearised<'_> {
         };
         let validated = self.validated(&further, prior);
         let values = start.values(&validated.values);
+        let [order_n, other_n] = self.material_n;
+        let least_n = match start.term {
+            Term::Periodic(_) => order_n,
+            _ => other_n,
+        };
         let stands = plausible_on_axis(start.term, &values, &self.axis, self.record)
-            .and_then(|()| validated.stands(start.best_of(), MATERIAL_OF_ERROR));
+            .and_then(|()| validated.stands(start.best_of(), MATERIAL_OF_ERROR))
+            .and_then(|()| match validated.explained_rms() > least_n {
+                true => Ok(()),
+                false => Err(TOO_LITTLE),
+            });
         Judged {
             start,
             validated,
@@ -272,8 +295,15 @@ fn cut_all(columns: &[Vec<f64>], rows: &[usize]) -> Vec<Column> {
     columns.iter().map(|column| cut(column, rows)).collect()
 }
 
+/// Shares of the force that a term must explain of a record that does not tell its own noise.
+const MATERIAL: [f64; 2] = [MATERIAL_ORDER_OF_FORCE, MATERIAL_OF_FORCE];
+/// Friction that is lower at rest, where a spring explains it.
+const SPRING: &str = "friction's spring before sliding explains it";
+
 /// A search for the terms of an axis.
 struct Terms<'a> {
+    /// See [`MATERIAL`].
+    shares: [f64; 2],
     record: &'a Record,
     folds: &'a [Vec<usize>; 2],
     rows: &'a [usize],
@@ -289,7 +319,7 @@ impl Forward for Terms<'_> {
 
     fn contenders(&mut self) -> Vec<Contender<Judged>> {
         let axis = &self.axis;
-        let here = Linearised::new(axis.clone(), self.record, self.folds);
+        let here = Linearised::new(axis.clone(), self.record, self.folds, self.shares);
         let order = strongest_order(axis, self.record);
         let order = order.filter(|_| axis.orders().len() < MOST);
         // A whole order is the simpler one; a few turns hardly tell it from one beside it.
@@ -303,12 +333,17 @@ impl Forward for Terms<'_> {
             axis.find(*term).is_none() && !self.refused.iter().any(|tried| tried.term == *term)
         };
         let judged = TERMS.into_iter().chain(order).chain(whole).filter(open);
-        let judged = judged.filter_map(|term| here.best(term));
+        let mut judged: Vec<Judged> = judged.filter_map(|term| here.best(term)).collect();
+        let spring =
+            |judged: &Judged| judged.start.term == Term::Presliding && judged.stands.is_ok();
+        if judged.iter().any(spring) {
+            
+        }
         let contender = |trial: Judged| Contender {
             credit: trial.validated.fall(),
             trial,
         };
-        judged.map(contender).collect()
+        judged.into_iter().map(contender).collect()
     }
 
     /// All of them: each was fitted and judged by then.
@@ -353,7 +388,8 @@ impl Forward for Terms<'_> {
             let mut without = self.axis.clone();
             without.terms.retain(|(known, _)| *known != term);
             let without = fitted(&without, self.record, Free::Model, self.rows);
-            let judged = Linearised::new(without.clone(), self.record, self.folds).best(term);
+            let here = Linearised::new(without.clone(), self.record, self.folds, self.shares);
+            let judged = here.best(term);
             if let Some(judged) = judged.filter(|judged| judged.stands.is_err()) {
                 self.lost.push(judged.trial());
                 self.taken.remove(k);
@@ -364,11 +400,16 @@ impl Forward for Terms<'_> {
     }
 }
 
-/// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
-pub(super) fn tried(axis: &Axis, record: &Record) -> Vec<Trial> {
+/// Everything that was tried on a record, in the order in which the terms that were taken belong into the model. Whether it
+/// `tells_noise`, as a programme that repeats does.
+pub(super) fn tried(axis: &Axis, record: &Record, tells_noise: bool) -> Vec<Trial> {
     let record = &record.first((LENGTH_S * record.rate) as usize);
     let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
     let mut terms = Terms {
+        shares: match tells_noise {
+            true => [0.0; 2],
+            false => MATERIAL,
+        },
         axis: fitted(axis, record, Free::Model, &rows),
         folds: &folds(record),
         rows: &rows,
@@ -401,7 +442,7 @@ pub(super) fn corrections(axis: &Axis, record: &Record) -> Option<[Term; 3]> {
     let block = (BLOCK_S * record.rate) as usize;
     let rows = MARGIN..record.len() - MARGIN;
     let folds = [0, 1].map(|fold| rows.clone().filter(|row| row / block % 2 == fold).collect());
-    let here = Linearised::new(axis.clone(), record, &folds);
+    let here = Linearised::new(axis.clone(), record, &folds, [0.0; 2]);
     let unit = 0.1 * Term::DirectionGain.scale()[0];
     let mut columns = vec![here.column(Term::DirectionGain, vec![unit], unit)];
     columns.extend((1..=MOST_HALF_WAVES).flat_map(|half_waves| {
@@ -476,13 +517,39 @@ mod tests {
         for (seed, kept) in [(1, 0.0), (2, 0.9), (3, 0.0), (4, 0.9), (5, 0.9)] {
             let noise = coloured(seed, clean.len(), kept);
             let noisy = clean.with_force(|row| 0.7 * noise[row]);
-            let trials = tried(&axis, &noisy);
+            let trials = tried(&axis, &noisy, false);
             let taken: Vec<&Trial> = trials.iter().filter(|trial| trial.lost.is_none()).collect();
             assert!(
                 taken.is_empty(),
                 "seed {seed}, {kept} kept: expected none, {taken:?}"
             );
         }
+    }
+
+    /// Friction that a spring holds before sliding is lower at rest than Coulomb friction is. It has the spring's name. A viscosity that
+    /// grows a little less than the speed, 0.5 % of the force, has none.
+    #[test]
+    fn elastic_friction_is_a_spring_and_a_small_rest_has_no_name() {
+        let clean = Axis {
+            law: Law::Difference(2),
+            ..Axis::published()
+        };
+        let taken = |term: Term, values: Vec<f64>| {
+            let mut real = clean.clone();
+            real.terms.push((term, values));
+            let record = record(&real, [3.0, -2.0, 1.2, -0.7]);
+            let noise = coloured(7, record.len(), 0.0);
+            let noisy = record.with_force(|row| 0.2 * noise[row]);
+            let trials = tried(&clean, &noisy, true).into_iter();
+            let taken = trials.filter(|trial| trial.lost.is_none());
+            taken.map(|trial| trial.term).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            taken(Term::Presliding, vec![2e5]),
+            [Term::Presliding],
+            "a spring of 0.2 N/um"
+        );
+        assert_eq!(taken(Term::Saturation, vec![100.0]), [], "a small rest");
     }
 
     /// A force per volt that is 3 % more forth and less back, and a load over the travel, of an axis on which no cause is known.

@@ -296,8 +296,8 @@ impl Study {
         let axis = fitted(&axis, estimate, Free::Model, &rows);
         stages.push(records.stage("mass and friction fitted".into(), axis.clone()));
         let refitted = stages.len() - 1;
-        let mut search = tried(&axis, estimate);
         let lap_to_lap_n = lap_to_lap(estimate);
+        let mut search = tried(&axis, estimate, lap_to_lap_n.is_finite());
         // What differs from lap to lap may be more than noise.
         let floor = lap_to_lap_n.min(white_below_100(&estimate.force(), estimate.rate));
         let Grown {
