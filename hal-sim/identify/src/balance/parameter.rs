@@ -148,6 +148,16 @@ impl Balance<'_> {
                     sum.add(channel, period, &told);
                 }
             }
+            MotorParameter::AngleZero => {
+                let flux = motor.flux_wb;
+                sum.add(
+                    d,
+                    pole_pairs * flux,
+                    &self.spectrum_of(SMOOTH, |k| s.omega[k]),
+                );
+                let i_d = self.spectrum_of(SMOOTH, |k| s.i_d_smooth[k]);
+                sum.add(torque, pole_pairs * flux, &i_d);
+            }
             MotorParameter::AngleLag => {
                 let of_d = self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]);
                 let of_q = self.spectrum_of(FULL, |k| omega_e(k) * s.u_d[k]);

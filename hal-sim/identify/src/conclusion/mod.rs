@@ -21,7 +21,7 @@ use crate::conclusion::interval::may_be_nothing;
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
 use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{
-    at_ends, calibration, curve_shares, load_nm, names_at_ends, new_model,
+    angle_zeros, at_ends, calibration, curve_shares, load_nm, names_at_ends, new_model,
 };
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
@@ -457,6 +457,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
         by_plate,
         at_ends: names_at_ends(case, &solution),
         load_nm: load_nm(case, &solution),
+        angle_zeros: angle_zeros(case, &solution),
         curves: Vec::new(),
         doubts: doubts
             .map(|doubt| (doubt.trial.hypothesis, doubt.reason))

@@ -119,6 +119,8 @@ pub struct Outcome {
     pub at_ends: Vec<String>,
     /// Constant load that a motor alone is taken to have, N m.
     pub load_nm: Option<f64>,
+    /// Electrical angles by which the zeros of encoders are taken to be off, rad.
+    pub angle_zeros: Vec<(Axis, f64)>,
     /// Coordinates of the residuals' rows.
     pub coordinates: Coordinates,
     /// Hypotheses that were not tried without excitation, or that physics forbids.
@@ -207,6 +209,17 @@ impl Outcome {
         if let Some(load) = self.load_nm.filter(|load| load.abs() > least) {
             let why = &mut judged.said.why;
             *why += &format!(" A constant load of {} N m is allowed for.", three(load));
+        }
+        for (axis, angle) in &self.angle_zeros {
+            let of = match self.machine.has_feed() {
+                true => format!("{}'s ", axis.name()),
+                false => String::new(),
+            };
+            judged.said.why += &format!(
+                " The {of}encoder's zero is taken to be {} electrical degrees off. Under a constant load an inductance that is off shows the \
+                 same.",
+                three(angle.to_degrees())
+            );
         }
         let is_left = matches!(
             judged.verdict,

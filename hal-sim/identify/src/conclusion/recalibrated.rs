@@ -5,6 +5,7 @@ use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::machines::{Machine, declared_or_unit};
 use crate::regression::normal::Solution;
 use crate::search::case::Case;
+use plant::Axis;
 use plant::model::Model;
 
 /// Name of a declared parameter in a model file; `None` for a nuisance.
@@ -82,6 +83,25 @@ pub(crate) fn load_nm(case: &Case, solution: &Solution) -> Option<f64> {
     let at = case.base.parameters.iter().position(is_load)?;
     let alone = !case.balance.signals.machine.has_feed();
     alone.then(|| solution.values[at])
+}
+
+/// Least electrical angle of an encoder's zero that is said, rad: half a degree, which an alignment may leave.
+const LEAST_ZERO: f64 = 0.009;
+/// Standard deviations that it must be away from none.
+const ZERO_SIGMAS: f64 = 4.0;
+
+/// Electrical angles by which encoders' zeros are taken to be off, rad, of those that are.
+pub(crate) fn angle_zeros(case: &Case, solution: &Solution) -> Vec<(Axis, f64)> {
+    let parameters = case.base.parameters.iter().enumerate();
+    let of = |(k, (parameter, _)): (usize, &(Parameter, _))| match parameter {
+        Parameter::Motor(axis, MotorParameter::AngleZero) => {
+            let (value, variance) = (solution.values[k], solution.covariance[(k, k)]);
+            let least = (ZERO_SIGMAS * variance.max(0.0).sqrt()).max(LEAST_ZERO);
+            (value.abs() > least).then_some((*axis, value))
+        }
+        _ => None,
+    };
+    parameters.filter_map(of).collect()
 }
 
 /// How much of each curve of its base a record has.

@@ -111,7 +111,17 @@ impl Noise {
                     ]
                 }
                 Channel::VoltageD(axis) => [steps[axis.index()].0, 0.0, 0.0],
-                Channel::VoltageQ(axis) => [steps[axis.index()].1, 0.0, 0.0],
+                // The back EMF is by the slope of a rounded angle.
+                Channel::VoltageQ(axis) => {
+                    let motor = model.motor(axis);
+                    let emf = f64::from(motor.pole_pairs) * motor.flux_wb * TAU * hz;
+                    let rounding = signals.motors[axis.index()].angle_rounding[bin];
+                    [
+                        steps[axis.index()].1,
+                        emf * emf * angle_noise(sensing, axis),
+                        emf * emf * rounding,
+                    ]
+                }
                 Channel::Table => {
                     let lead = model.feed.travel_per_radian();
                     let u = hz / resonance_hz;

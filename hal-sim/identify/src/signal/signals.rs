@@ -43,6 +43,8 @@ pub struct MotorSignals {
     pub phases: [Vec<f64>; 2],
     /// q current to [`CURRENT_BANDWIDTH_HZ`], A.
     pub i_q_smooth: Vec<f64>,
+    /// d current to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub i_d_smooth: Vec<f64>,
     /// Commanded voltages, V.
     pub u_d: Vec<f64>,
     /// Commanded voltages, V.
@@ -235,6 +237,7 @@ impl MotorSignals {
             i_q,
             phases,
             i_q_smooth,
+            i_d_smooth,
             u_d: record.ud_v.clone(),
             u_q: record.uq_v.clone(),
         }
