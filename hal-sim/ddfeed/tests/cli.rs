@@ -212,6 +212,9 @@ fn nonsense_is_refused_in_a_sentence() {
     std::fs::write(&file, "kept").unwrap();
     let model = plant::model::Model::coupled().to_toml();
     std::fs::write(folder.path().join("coupled.toml"), model).unwrap();
+    let mut left_handed = plant::model::Model::coupled();
+    left_handed.feed.lead_m *= -1.0;
+    std::fs::write(folder.path().join("left.toml"), left_handed.to_toml()).unwrap();
     for (arguments, expected) in [
         (
             vec!["simulate", "--nut-rpm", "9000"],
@@ -265,6 +268,10 @@ fn nonsense_is_refused_in_a_sentence() {
             "the output folder file cannot be written",
         ),
         (vec!["simulate", "--model", "none.toml"], "none.toml"),
+        (
+            vec!["serve", "--model", "left.toml"],
+            "left.toml: `feed.lead_m` is -0.005 m, but the drive counts a right-handed screw",
+        ),
         // The coupled machine's supply is 310 V.
         (
             vec!["simulate", "--model", "coupled.toml", "--board", "nucleo"],

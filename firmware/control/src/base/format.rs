@@ -373,6 +373,12 @@ impl core::fmt::Display for Misfit {
             least,
             below,
         } = self;
+        if *below == f64::MAX {
+            return write!(
+                f,
+                "{name} is {value} {unit}, expected more than {least}: check the plate data that it comes from"
+            );
+        }
         write!(
             f,
             "{name} is {value} {unit}, but the drive holds values from {least:.3e} to {below:.3e}: check the plate \

@@ -70,6 +70,13 @@ impl MachineOptions {
             (None, Preset::Paper) => (Model::paper(), Coupling::Lumped, "paper".to_owned()),
             (None, Preset::Coupled) => (Model::coupled(), Coupling::Coupled, "coupled".to_owned()),
         };
+        ensure!(
+            model.feed.lead_m > 0.0,
+            "{name}: `feed.lead_m` is {} m, but the drive counts a right-handed screw: exchange two phases and the tracks A and B of both \
+             motors, and give {} m",
+            model.feed.lead_m,
+            -model.feed.lead_m
+        );
         let name = match (board, &self.model) {
             (Some(board), Some(_)) => format!("{name} (on the {} board)", board.name()),
             (Some(BoardKind::Nucleo | BoardKind::Nucleo40kHz), None) => {
