@@ -7,6 +7,7 @@ mod clean;
 mod coverage_test;
 pub mod figures;
 mod judge;
+mod makes;
 mod outside;
 mod outside_axes;
 mod real;
@@ -44,6 +45,9 @@ pub struct BenchOptions {
     /// So many machines of each part that draws them, in place of the sample's or the full numbers.
     #[arg(long)]
     pub runs: Option<u64>,
+    /// Keeps the files of clean motors of other makes here.
+    #[arg(long)]
+    pub keep: Option<PathBuf>,
     /// The first machine of those with effects that no family has, and of clean double drives: another one is another seed.
     #[arg(long, default_value_t = 0)]
     pub first: usize,
@@ -70,6 +74,8 @@ pub enum Part {
     Thin,
     /// Attacks, and curves that are added.
     Attacks,
+    /// Clean motors of other makes.
+    Makes,
 }
 
 /// Measures and prints.
@@ -100,6 +106,7 @@ pub fn run(options: &BenchOptions) -> Result<()> {
         clean,
         thin,
         attacks: [rounds, every],
+        makes,
     } = Sample::of(options);
     let every = every as usize;
     let mut more = json!({ "blind": blind });
@@ -127,6 +134,13 @@ pub fn run(options: &BenchOptions) -> Result<()> {
     if is_asked(Part::Attacks) {
         let (attacks, curves) = attacks::attacks(options.first as u64, rounds, every);
         (more["attacks"], more["curves"]) = (json!(attacks), json!(curves));
+    }
+    if is_asked(Part::Makes) {
+        more["makes"] = json!(makes::measure(
+            options.first as u64,
+            makes,
+            options.keep.as_deref()
+        )?);
     }
     let json = figures.as_ref().map_or_else(|| json!({}), Figures::json);
     if options.json {
@@ -171,6 +185,8 @@ struct Sample {
     thin: u64,
     /// Machines of each attack, and of how many kinds one is tried.
     attacks: [u64; 2],
+    /// Clean motors of other makes.
+    makes: u64,
 }
 
 impl Sample {
@@ -184,6 +200,7 @@ impl Sample {
                 clean: [runs; 3],
                 thin: runs,
                 attacks: [runs, 1],
+                makes: runs,
             };
         }
         match options.long {
@@ -194,6 +211,7 @@ impl Sample {
                 clean: [300, 300, 300],
                 thin: 200,
                 attacks: [10, 1],
+                makes: 300,
             },
             false => Sample {
                 pmsm: [11, 8],
@@ -202,6 +220,7 @@ impl Sample {
                 clean: [24, 2, 16],
                 thin: 10,
                 attacks: [1, 4],
+                makes: 10,
             },
         }
     }
