@@ -2,11 +2,11 @@
 
 use super::declared::FULL;
 use super::{Balance, CLEAR, Contribution, brake, shaped};
-use crate::effects::parameter::{MotorParameter, Parameter};
+use crate::effects::parameter::{MotorParameter, Parameter, REACH_RAD};
 use crate::machines::declared_or_unit;
 use crate::signal::channel::Channel;
 use crate::signal::noise::white_noise;
-use crate::signal::signals::{SMOOTH_HZ as SMOOTH, rounded_sign};
+use crate::signal::signals::{MOST_SINCE, SMOOTH_HZ as SMOOTH, STICKING_RAD_S, rounded_sign};
 use plant::Axis;
 use std::f64::consts::TAU;
 
@@ -108,6 +108,22 @@ impl Balance<'_> {
                 let sign = |k: usize| rounded_sign(s.omega[k], self.rounding.bearing);
                 sum.add(torque, unit, &self.spectrum_of(SMOOTH, sign));
             }
+            MotorParameter::Reversal => {
+                let unit = declared_or_unit(motor.coulomb_nm);
+                // From rest friction grows from nothing, after a reversal from the other way's.
+                let rested = s.omega[0].abs() < STICKING_RAD_S;
+                let first = s.since.iter().position(|since| *since < MOST_SINCE);
+                let missing: Vec<f64> = (0..s.omega.len())
+                    .map(|k| {
+                        let sign = rounded_sign(s.omega[k], self.rounding.bearing);
+                        match rested && first.is_none_or(|first| k < first) {
+                            true => 0.5 * sign * (-s.travel[k].abs() / REACH_RAD).exp(),
+                            false => sign * (-s.since[k] / REACH_RAD).exp(),
+                        }
+                    })
+                    .collect();
+                sum.add(torque, unit, &self.fourier.spectrum(&missing));
+            }
             MotorParameter::Flux => {
                 sum.add(
                     torque,
@@ -156,7 +172,7 @@ impl Balance<'_> {
                     &self.spectrum_of(SMOOTH, |k| s.omega[k]),
                 );
                 let i_d = self.spectrum_of(SMOOTH, |k| s.i_d_smooth[k]);
-                sum.add(torque, pole_pairs * flux, &i_d);
+                sum.add(torque, -pole_pairs * flux, &i_d);
             }
             MotorParameter::AngleLag => {
                 let of_d = self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]);

@@ -71,6 +71,9 @@ pub enum MotorParameter {
     /// step: a nuisance. The loop answers a step within the control periods until the next, and a record with one row a step
     /// reads always the same of them.
     ReferenceStep,
+    /// Friction that is not there yet after a reversal, as a share of what grows over [`REACH_RAD`]: a nuisance. Bristles bend first. A
+    /// reversal is short, and is not compared itself. But a coarse encoder has a filter that carries its area far.
+    Reversal,
     /// A constant load torque, N m: that of a motor of which nobody says what it drives.
     Load,
     /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
@@ -84,6 +87,10 @@ pub enum MotorParameter {
     /// Electrical angle by which the zero of the encoder is off, rad: a nuisance. Alignment leaves a degree, a plate of another make more.
     AngleZero,
 }
+
+/// Angle over which friction grows after a reversal, rad: that of bearings is less (Armstrong-Helouvry, Dupont and Canudas de Wit,
+/// *Automatica* 30, 1994: some um of sliding), and at a coarse encoder's rows it would be within one.
+pub(crate) const REACH_RAD: f64 = 0.02;
 
 /// Standard deviation of a measured curve's size about that with which the judge learnt it, beside free plate values.
 const CURVE_SPREAD: f64 = 0.3;
@@ -164,6 +171,7 @@ impl Parameter {
                 MotorParameter::Load => f64::INFINITY,
                 // The period that is read has between none and twice the mean.
                 MotorParameter::ReferenceStep => 1.0,
+                MotorParameter::Reversal => 3.0,
                 MotorParameter::AngleLag => 0.4,
                 // Three degrees: then the motor has 0.14 % less torque, which its plate allows for.
                 MotorParameter::AngleZero => 0.053,

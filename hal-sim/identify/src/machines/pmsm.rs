@@ -36,7 +36,10 @@ impl Machine for Pmsm {
         let lag = Parameter::Motor(Axis::Screw, MotorParameter::ReadingLag);
         own.into_iter()
             .filter(|parameter| *parameter != lag)
-            .chain([Parameter::Motor(Axis::Screw, MotorParameter::Load)])
+            .chain([
+                Parameter::Motor(Axis::Screw, MotorParameter::Reversal),
+                Parameter::Motor(Axis::Screw, MotorParameter::Load),
+            ])
             .collect()
     }
 

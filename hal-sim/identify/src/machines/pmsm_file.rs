@@ -17,6 +17,9 @@ pub struct PmsmModel {
     origin: String,
 }
 
+/// Rate of a common current loop, Hz.
+const USUAL_CONTROL_HZ: f64 = 10_000.0;
+
 /// Sensors. The part that is left out is that of a common drive: the noise floor rests on it, so give your own.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -27,7 +30,7 @@ struct Sensing {
     current_lsb_a: f64,
     /// Standard deviation of the current's noise; 0.02 if left out.
     current_noise_a: f64,
-    /// Rate of the current loop; the rate of the rows if left out.
+    /// Rate of the current loop; 10000 if left out, or the rate of the rows if that is higher.
     control_hz: Option<f64>,
 }
 
@@ -77,7 +80,7 @@ impl PmsmModel {
         let own = &self.sensing;
         SensingModel {
             sample_hz: rate,
-            control_hz: own.control_hz.unwrap_or(rate),
+            control_hz: own.control_hz.unwrap_or(rate.max(USUAL_CONTROL_HZ)),
             encoder_counts_per_turn: own.encoder_counts_per_turn,
             encoder: EncoderKind::Incremental,
             nut_encoder_counts_per_turn: None,
@@ -118,7 +121,8 @@ mod tests {
                     inertia_kg_m2 = 1e-4\nviscous_nm_s = 0.0\ncoulomb_nm = 0.01\n";
         let model = PmsmModel::parse(text, "model.toml").expect("a model");
         assert_eq!(model.motor.pole_pairs, 7);
-        assert_eq!(model.sensing(500.0).control_hz, 500.0);
+        assert_eq!(model.sensing(500.0).control_hz, USUAL_CONTROL_HZ);
+        assert_eq!(model.sensing(20_000.0).control_hz, 20_000.0);
         let wrong = PmsmModel::parse(&text.replace("flux_wb", "flux"), "model.toml");
         assert!(wrong.unwrap_err().to_string().contains("flux"));
         let zero = PmsmModel::parse(

@@ -8,6 +8,10 @@ use crate::signal::quantile::quantile;
 const FAR: f64 = 30.0;
 /// How far the neighbours may be apart, of that: a step leaves them as far apart as twice itself.
 const TOGETHER: f64 = 0.25;
+/// How much further it must be than every row about it: a fast wave in a slow record turns round as sharply at each of its tops.
+const FURTHER: f64 = 4.0;
+/// Rows about it that are looked at. The next ones are off by half of the spike themselves.
+const ABOUT: std::ops::RangeInclusive<usize> = 2..=8;
 /// Share of the rows that may be so: what comes oftener is the signal.
 const RARE: f64 = 0.01;
 
@@ -22,9 +26,12 @@ fn spikes(values: &[f64]) -> Vec<usize> {
     let is_spike = |row: &usize| {
         let size = off(*row).abs();
         let apart = (values[row + 1] - values[row - 1]).abs();
-        size > FAR * usual && apart < TOGETHER * size
+        let about = ABOUT.flat_map(|away| [row.checked_sub(away), row.checked_add(away)]);
+        let about = about.flatten().filter(|other| rows.contains(other));
+        let sharpest = about.map(|other| off(other).abs()).fold(0.0, f64::max);
+        size > FAR * usual && apart < TOGETHER * size && size > FURTHER * sharpest
     };
-    let found: Vec<usize> = rows.filter(is_spike).collect();
+    let found: Vec<usize> = rows.clone().filter(is_spike).collect();
     match found.len() as f64 > RARE * values.len() as f64 {
         true => Vec::new(),
         false => found,
@@ -78,6 +85,20 @@ mod tests {
         let counts = |row: usize| f64::from(u8::from(row.is_multiple_of(50))) + (row / 2500) as f64;
         let values: Vec<f64> = (0..5000).map(counts).collect();
         assert_eq!(spikes(&values), [0usize; 0]);
+    }
+
+    /// A phase's current: slow for most of the record, then eight rows a turn.
+    #[test]
+    fn a_wave_that_is_fast_for_a_while_has_none() {
+        let turned = |row: usize| match row {
+            0..4500 => 0.002 * row as f64,
+            _ => 9.0 + 0.8 * (row - 4500) as f64,
+        };
+        let wave = |row: usize| turned(row).sin();
+        assert_eq!(
+            spikes(&(0..5000).map(wave).collect::<Vec<_>>()),
+            [0usize; 0]
+        );
     }
 
     #[test]

@@ -110,7 +110,18 @@ impl Noise {
                             .map(|motor| motor.angle_rounding[bin])),
                     ]
                 }
-                Channel::VoltageD(axis) => [steps[axis.index()].0, 0.0, 0.0],
+                // A rounded angle turns a part of the back EMF into the d axis.
+                Channel::VoltageD(axis) => {
+                    let motor = model.motor(axis);
+                    let pole_pairs = f64::from(motor.pole_pairs);
+                    let own = &signals.motors[axis.index()];
+                    let turned = pole_pairs * pole_pairs * motor.flux_wb * own.rms_speed;
+                    [
+                        steps[axis.index()].0,
+                        turned * turned * angle_noise(sensing, axis),
+                        turned * turned * own.angle_rounding[bin],
+                    ]
+                }
                 // The back EMF is by the slope of a rounded angle.
                 Channel::VoltageQ(axis) => {
                     let motor = model.motor(axis);

@@ -35,9 +35,9 @@ pub struct MotorSignals {
     pub since: Vec<f64>,
     /// cos and sin of the measured electrical angle.
     pub rotor: Vec<(f64, f64)>,
-    /// Measured currents in the rotor's frame, A.
+    /// Measured currents in the rotor's frame, their means over a control period, A.
     pub i_d: Vec<f64>,
-    /// Measured currents in the rotor's frame, A.
+    /// Measured currents in the rotor's frame, their means over a control period, A.
     pub i_q: Vec<f64>,
     /// Phase currents a and b to [`CURRENT_BANDWIDTH_HZ`], A.
     pub phases: [Vec<f64>; 2],
@@ -57,6 +57,8 @@ pub struct MotorSignals {
     pub u_rms: f64,
     /// Size of the speed that a fifth of the rows stay below, rad/s.
     pub slow_speed: f64,
+    /// Rms of the speed, rad/s.
+    pub rms_speed: f64,
     /// Greatest size of the speed, rad/s.
     pub top_speed: f64,
     /// First derivative of the angle at its full bandwidth, rad/s.
@@ -140,7 +142,7 @@ fn mean_square(column: &[f64]) -> f64 {
 }
 
 /// Largest angle since a reversal that is distinguished, rad. What friction or a clutch winds up is less than a turn.
-const MOST_SINCE: f64 = TAU;
+pub(crate) const MOST_SINCE: f64 = TAU;
 /// Encoder counts of a way back that is a reversal: rounding and noise move an angle that rests by one or two.
 const REVERSAL_COUNTS: f64 = 4.0;
 
@@ -161,6 +163,14 @@ fn since_reversal(travel: &[f64], count: f64) -> Vec<f64> {
     rows.collect()
 }
 
+/// By how much the mean of a current over a control period is beside its sample at the period's start, A per V and rad/s of electrical
+/// speed, a quarter turn ahead of the voltage. The voltage stands still while the rotor turns under it: in the rotor's frame it is a ramp
+/// `-j w t U`, and what the inductance makes of a ramp has the mean `j w U T^2 / 12 L` above its ends.
+fn within_period(model: &Model, axis: Axis) -> f64 {
+    let period = 1.0 / model.sensing.control_hz;
+    period * period / (12.0 * model.motor(axis).inductance_h)
+}
+
 impl MotorSignals {
     fn new(recording: &Recording, axis: Axis, model: &Model, fourier: &Fourier, rate: f64) -> Self {
         let record = recording.axis(axis);
@@ -175,12 +185,13 @@ impl MotorSignals {
                 (cos, sin)
             })
             .collect();
-        let (i_d, i_q): (Vec<f64>, Vec<f64>) = record
-            .ia_a
-            .iter()
-            .zip(&record.ib_a)
-            .zip(&rotor)
-            .map(|((&a, &b), &rotor)| park(clarke(a, b), rotor))
+        let within = within_period(model, axis);
+        let (i_d, i_q): (Vec<f64>, Vec<f64>) = (0..theta.len())
+            .map(|k| {
+                let (d, q) = park(clarke(record.ia_a[k], record.ib_a[k]), rotor[k]);
+                let more = within * pole_pairs * omega[k];
+                (d - more * record.uq_v[k], q + more * record.ud_v[k])
+            })
             .unzip();
         let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
         // A d current that is held at 0 has ripple yet, which moves the phases' zero crossings.
@@ -223,6 +234,7 @@ impl MotorSignals {
             i_q_rms: mean_square(&i_q_smooth).sqrt(),
             u_rms: (mean_square(&record.ud_v) + mean_square(&record.uq_v)).sqrt(),
             slow_speed: quantile_of_sizes(omega.iter().copied(), 0.2),
+            rms_speed: mean_square(&omega).sqrt(),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),
             acceleration,

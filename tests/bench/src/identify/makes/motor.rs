@@ -80,14 +80,16 @@ impl Motor {
         10.0 * friction / (self.pole_pairs * self.flux)
     }
 
-    /// On voltages in the stator's frame, for `dt` seconds.
-    pub(super) fn step(&self, state: &mut State, [alpha, beta]: [f64; 2], dt: f64) {
-        let electrical = self.pole_pairs * state.speed;
-        let (sin, cos) = (self.pole_pairs * (state.angle + 0.5 * dt * state.speed)).sin_cos();
-        let (u_d, u_q) = (alpha * cos + beta * sin, beta * cos - alpha * sin);
-        let d_rate = (u_d - self.resistance * state.d) / self.inductance + electrical * state.q;
-        let q_rate = (u_q - self.resistance * state.q - electrical * self.flux) / self.inductance
-            - electrical * state.d;
+    /// On voltages in the stator's frame, for `dt` seconds, by the midpoint rule: a step at the speed of the rotor would spiral outwards.
+    pub(super) fn step(&self, state: &mut State, voltage: [f64; 2], dt: f64) {
+        let start = self.rates(state, voltage);
+        let half = State {
+            d: state.d + 0.5 * dt * start[0],
+            q: state.q + 0.5 * dt * start[1],
+            angle: state.angle + 0.5 * dt * state.speed,
+            ..*state
+        };
+        let [d_rate, q_rate] = self.rates(&half, voltage);
         let friction = match self.friction {
             Friction::Rounded(width) => (state.speed / width).tanh(),
             Friction::Bristle(reach) => {
@@ -96,7 +98,7 @@ impl Motor {
                 state.bristle
             }
         };
-        let torque = self.pole_pairs * self.flux * state.q
+        let torque = self.pole_pairs * self.flux * half.q
             - self.viscous * state.speed
             - self.coulomb * friction
             - self.load;
@@ -104,5 +106,17 @@ impl Motor {
         state.q += dt * q_rate;
         state.speed += dt * torque / self.inertia;
         state.angle += dt * state.speed;
+    }
+
+    /// Of both currents, A/s.
+    fn rates(&self, state: &State, [alpha, beta]: [f64; 2]) -> [f64; 2] {
+        let electrical = self.pole_pairs * state.speed;
+        let (sin, cos) = (self.pole_pairs * state.angle).sin_cos();
+        let (u_d, u_q) = (alpha * cos + beta * sin, beta * cos - alpha * sin);
+        let of_voltage = [u_d, u_q - electrical * self.flux];
+        let of_turn = [electrical * state.q, -electrical * state.d];
+        let currents = [state.d, state.q];
+        [0, 1]
+            .map(|k| (of_voltage[k] - self.resistance * currents[k]) / self.inductance + of_turn[k])
     }
 }
