@@ -31,8 +31,8 @@ impl Folder {
 
     /// Lets `write` make the file under another name, and moves it to `name` once it is whole.
     pub fn put(&self, name: &str, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        // The ending stays: it says how the file is packed.
-        let partial = self.path(&format!("partial-{name}"));
+        // The ending stays: it says how the file is packed. Another program may be writing a file of the same name.
+        let partial = self.path(&format!("partial-{}-{name}", std::process::id()));
         let written = write(&partial).and_then(|()| Ok(fs::rename(&partial, self.path(name))?));
         if written.is_err() {
             // It may not be there; the reported error is the first one.

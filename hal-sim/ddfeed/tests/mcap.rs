@@ -118,14 +118,15 @@ fn a_recording_is_kept_where_its_mcap_file_fails() {
     let served = Served::new(&[]);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().display().to_string();
-    std::fs::create_dir(folder.path().join("partial-record.mcap")).unwrap();
+    // A folder with something in it is not replaced by a file.
+    std::fs::create_dir_all(folder.path().join("record.mcap/folder")).unwrap();
     let said = served.fails(1, &record(&out, &[]));
     assert!(
         said.contains("--mcap failed") && said.contains("record.csv.gz is kept"),
         "{said}"
     );
     Recording::load(&folder.path().join("record.csv.gz")).unwrap();
-    assert!(!folder.path().join("record.mcap").exists());
+    assert!(folder.path().join("record.mcap/folder").exists());
 }
 
 #[test]

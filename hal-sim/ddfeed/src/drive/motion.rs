@@ -356,17 +356,29 @@ pub fn led(
     led.and(rested)
 }
 
+/// Speed of a shaft above which it is not at rest, rpm.
+const COASTS_RPM: f64 = 1.0;
+
 /// Asks it to rest, and waits for that.
 pub fn rest(drive: &mut Drive) -> Result<()> {
     drive.tell(Command::Stop)?;
     let until = drive.now() + REST;
     loop {
-        match look(drive)?.state {
+        let seen = look(drive)?;
+        match seen.state {
             Some(state) if state.has_bridges_on() && drive.now() < until => drive.listen(BEAT)?,
             Some(state) if state.has_bridges_on() => {
                 bail!("the drive does not come to rest: open its enable contact")
             }
             Some(State::Fault(fault)) => bail!(Stopped(fault, None)),
+            // Bridges open once both references are at rest. The shafts may coast on for a moment.
+            _ if [0, 1]
+                .iter()
+                .any(|motor| seen.rpm(*motor).abs() > COASTS_RPM)
+                && drive.now() < until =>
+            {
+                drive.listen(BEAT)?;
+            }
             _ => return Ok(()),
         }
     }

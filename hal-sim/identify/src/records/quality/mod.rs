@@ -240,6 +240,7 @@ fn drive_motor<'a>(record: &'a Record, prefix: &'static str, model: &'a Model) -
         iq_ref: (record.get(&format!("{prefix}iq_ref_a"))).map(Cow::Borrowed),
         speed_ref: Some(of("speed_ref_rad_s")),
         plate: model.motor(axis),
+        bus_v: model.installation.bus_v,
         current_noise: sensing
             .current_noise_a
             .hypot(sensing.current_lsb_a / 12f64.sqrt()),
@@ -266,6 +267,7 @@ fn pmsm<'a>(record: &'a Record, plate: &'a MotorModel) -> Motor<'a> {
         iq_ref: record.get("iq_ref_a").map(Cow::Borrowed),
         speed_ref: record.get("speed_ref_rad_s").map(Cow::Borrowed),
         plate,
+        bus_v: 0.0,
         current_noise: 0.0,
         phases,
     }

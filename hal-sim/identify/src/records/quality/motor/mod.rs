@@ -34,6 +34,8 @@ pub(super) struct Motor<'a> {
     pub(super) iq_ref: Option<Cow<'a, [f64]>>,
     pub(super) speed_ref: Option<Cow<'a, [f64]>>,
     pub(super) plate: &'a MotorModel,
+    /// Of the bridge, V; 0 if it is not known.
+    pub(super) bus_v: f64,
     /// Standard deviation of a phase current's noise and rounding, A.
     pub(super) current_noise: f64,
 }
