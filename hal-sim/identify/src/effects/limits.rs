@@ -36,6 +36,8 @@ pub(super) const MOST_OFFSET: f64 = 0.2;
 pub(super) const MOST_RESISTANCE_DRIFT: f64 = 0.5;
 /// NdFeB has -0.12 % per kelvin: 130 K.
 pub(super) const MOST_FLUX_DRIFT: f64 = 0.16;
+/// Share of the greatest current over which a dead time's sign may turn round: over more, its voltage is nearly proportional to the current.
+const WIDEST_SIGN: f64 = 0.5;
 /// A harmonic of a rotor's flux in its fundamental: a square wave's third.
 const MOST_FLUX_HARMONIC: f64 = 1.0 / 3.0;
 /// Error of an angle, electrical rad: beyond it the field is not oriented.
@@ -188,6 +190,8 @@ pub(crate) fn plausible(
         }
         Family::DeadTime => {
             positive(values[0])?;
+            let wide = "its sign turns round over more current than flows: it is not told from a resistance";
+            below(hypothesis.shape, WIDEST_SIGN * peak_current, wide)?;
             let most = MOST_DEAD_TIME * DEFAULT_BUS_VOLTAGE;
             below(values[0], most, "more than a tenth of the bus voltage")
         }

@@ -45,9 +45,9 @@ pub struct MotorSignals {
     pub i_q_smooth: Vec<f64>,
     /// d current to [`CURRENT_BANDWIDTH_HZ`], A.
     pub i_d_smooth: Vec<f64>,
-    /// Commanded voltages, V.
+    /// Commanded voltages, their means in the rotor's frame over a control period, V.
     pub u_d: Vec<f64>,
-    /// Commanded voltages, V.
+    /// Commanded voltages, their means in the rotor's frame over a control period, V.
     pub u_q: Vec<f64>,
     /// Size that the q current exceeds in a thousandth of the rows only, A.
     pub peak_a: f64,
@@ -210,6 +210,14 @@ impl MotorSignals {
                 })
                 .collect()
         });
+        // A voltage that stands still for a period while the rotor turns has this mean in the rotor's frame: `sin(x) / x`, `x = w T / 2`.
+        let half_period = 0.5 / model.sensing.control_hz;
+        let turned_mean = |commanded: &[f64]| -> Vec<f64> {
+            let rows = commanded.iter().zip(&omega);
+            rows.map(|(u, w)| u * (1.0 - (pole_pairs * w * half_period).powi(2) / 6.0))
+                .collect()
+        };
+        let (u_d, u_q) = (turned_mean(&record.ud_v), turned_mean(&record.uq_v));
         let acceleration = fourier.curvature(&travel);
         let sensing = &model.sensing;
         let counts = sensing.counts_per_turn(axis);
@@ -250,8 +258,8 @@ impl MotorSignals {
             phases,
             i_q_smooth,
             i_d_smooth,
-            u_d: record.ud_v.clone(),
-            u_q: record.uq_v.clone(),
+            u_d,
+            u_q,
         }
     }
 }

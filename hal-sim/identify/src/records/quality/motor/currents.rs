@@ -65,7 +65,9 @@ impl Motor<'_> {
             let vector = Complex::new(alpha, beta);
             // The reference is along q, a quarter turn ahead of d.
             let z = vector * turn * Complex::from_polar(1.0, -FRAC_PI_2);
-            let columns = Vector3::new(r[k].into(), turn, turn * turn * r[k]);
+            let along_d = self.id_ref.as_ref().map_or(0.0, |d| d[k]);
+            let reference = Complex::new(r[k], -along_d);
+            let columns = Vector3::new(reference, turn, turn * turn * reference.conj());
             let width = if turning { 3 } else { 1 };
             for i in 0..width {
                 right[i] += columns[i].conj() * z;

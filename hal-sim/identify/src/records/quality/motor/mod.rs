@@ -32,6 +32,8 @@ pub(super) struct Motor<'a> {
     pub(super) dq: Option<[Cow<'a, [f64]>; 2]>,
     pub(super) voltages: Option<[Cow<'a, [f64]>; 2]>,
     pub(super) iq_ref: Option<Cow<'a, [f64]>>,
+    /// Reference of the d current; none is 0.
+    pub(super) id_ref: Option<Cow<'a, [f64]>>,
     pub(super) speed_ref: Option<Cow<'a, [f64]>>,
     pub(super) plate: &'a MotorModel,
     /// Of the bridge, V; 0 if it is not known.
