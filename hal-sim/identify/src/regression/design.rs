@@ -68,20 +68,17 @@ impl<'a> Whitener<'a> {
         let margin = (MARGIN_S * signals.rate / step as f64).ceil() as usize;
         let mask = |speeds: &[&[f64]]| -> Vec<bool> {
             let mut open = vec![true; rows];
-            let close = |open: &mut Vec<bool>, at: usize| {
+            let mut close = |at: usize| {
                 open[at.saturating_sub(margin)..(at + margin).min(rows)]
                     .iter_mut()
                     .for_each(|x| *x = false);
             };
-            close(&mut open, 0);
-            close(&mut open, rows - 1);
-            let faded = (fourier.faded_rows() / step).min(rows);
-            open[..faded].iter_mut().for_each(|x| *x = false);
-            open[rows - faded..].iter_mut().for_each(|x| *x = false);
+            close(0);
+            close(rows - 1);
             for speed in speeds {
                 (0..rows)
                     .filter(|k| speed[k * step].abs() < STICKING_RAD_S)
-                    .for_each(|k| close(&mut open, k));
+                    .for_each(&mut close);
             }
             open
         };

@@ -8,12 +8,6 @@ use std::sync::Arc;
 /// One-sided spectrum of a padded record, up to the Nyquist frequency of the decimated rate.
 pub type Spectrum = Vec<Complex64>;
 
-/// How long what is compared fades in and out at the ends of a record, s. Where a record ends the slope of a rounded angle ends too: that
-/// is a pulse of all frequencies, which the filter of a coarse encoder's noise carries far.
-const FADE_S: f64 = 0.1;
-/// Share of a record that each end may take.
-const MOST_FADED: f64 = 0.03;
-
 thread_local! {
     static PLANNER: RefCell<Planner> = RefCell::new(Planner::new());
 }
@@ -124,30 +118,6 @@ impl Fourier {
             .expect("a stride that divides the step");
         let mut padded = plan.make_input_vec();
         padded[..signal.len()].copy_from_slice(signal);
-        self.fade(&mut padded[..signal.len()], stride);
-        self.transformed(plan, padded, stride)
-    }
-
-    /// Rows at either end of a record over which what is compared fades in and out.
-    pub(crate) fn faded_rows(&self) -> usize {
-        ((FADE_S * self.rate) as usize).min((MOST_FADED * self.rows as f64) as usize)
-    }
-
-    fn fade(&self, signal: &mut [f64], stride: usize) {
-        let (rows, last) = (self.faded_rows() / stride, signal.len().saturating_sub(1));
-        for row in 0..rows.min(signal.len()) {
-            let gain = 0.5 - 0.5 * (0.5 * TAU * row as f64 / rows as f64).cos();
-            signal[row] *= gain;
-            signal[last - row] *= gain;
-        }
-    }
-
-    fn transformed(
-        &self,
-        plan: &Arc<dyn RealToComplex<f64>>,
-        mut padded: Vec<f64>,
-        stride: usize,
-    ) -> Spectrum {
         let mut spectrum = plan.make_output_vec();
         // Lengths are those of the plan, the only error there is.
         plan.process(&mut padded, &mut spectrum)
@@ -190,10 +160,7 @@ impl Fourier {
 
     /// A record without what is above `hz` (a raised-cosine edge from `hz` to `1.4 hz`), at the full rate.
     pub fn low_pass(&self, signal: &[f64], hz: f64) -> Vec<f64> {
-        let (_, plan) = &self.forward[0];
-        let mut padded = plan.make_input_vec();
-        padded[..signal.len()].copy_from_slice(signal);
-        let spectrum = self.transformed(plan, padded, 1);
+        let spectrum = self.spectrum(signal);
         let mut shaped = self.full.make_input_vec();
         for (bin, value) in spectrum.iter().enumerate() {
             shaped[bin] = value * edge(self.hz(bin), hz, 1.4 * hz);

@@ -161,7 +161,7 @@ fn said(
 fn speeds(rng: &mut impl Rng, motor: &Motor, holds: usize) -> Vec<f64> {
     let top = motor.top_speed();
     let share = |k: usize| 0.06 * (1.0 / 0.06_f64).powf(k as f64 / (holds - 1) as f64);
-    let way = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+    let way = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     let mut speeds: Vec<f64> = (0..holds)
         .map(|k| about(rng, top * share(k), 0.1) * way(k))
         .collect();
