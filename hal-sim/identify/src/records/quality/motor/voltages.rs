@@ -18,10 +18,10 @@ const MATTERS: f64 = 2e-4;
 /// plate's, and the sign of `ud_v` was called wrong.
 const DEAD_TIME_SHAPE: f64 = 0.5;
 
-/// Share of the bus that a bridge loses at small currents in a way that its drive does not know. Up to 1 to 10 % of the rated current the
-/// charge of the legs makes the loss, which is then proportional to the current as that of a resistance is. The drive compensates 500 ns of
-/// 50 us, with that charge known to a factor of 1.5.
-const LOSS_OF_BUS: f64 = 2.5e-3;
+/// Share of the bus that a drive may give too much at small currents. Up to 1 to 10 % of the rated current the charge of the legs makes a
+/// bridge's loss proportional to the current, and the drive compensates 500 ns of 50 us of it. What it gives too much looks like a
+/// resistance below nothing, which no plate makes.
+const GIVEN_OF_BUS: f64 = 2.5e-3;
 
 /// By how much a voltage may be older or younger than the angle of its row, s: two periods of a drive at 10 kHz. Rotated by what the
 /// shaft turns meanwhile, `ud_v` has a part of `uq_v`.
@@ -34,8 +34,8 @@ impl<'a> Motor<'a> {
         fit(&columns, &voltages)
     }
 
-    /// Whether values within their ranges explain as much of the voltages as any.
-    fn explained_within(&self, free: &Fit, ranges: [&RangeInclusive<f64>; 3]) -> bool {
+    /// Whether values within their ranges explain as much of the voltages as any, but for what a drive may have `given` too much, V.
+    fn explained_within(&self, free: &Fit, ranges: [&RangeInclusive<f64>; 3], given: f64) -> bool {
         let Some((columns, voltages)) = self.equation_rows() else {
             return true;
         };
@@ -52,7 +52,7 @@ impl<'a> Motor<'a> {
         let left = &voltages - &design * middle;
         let (gram, rhs) = (design.tr_mul(&design), design.tr_mul(&left));
         let within = solve_within(&gram, &rhs, &bounds, &[]).values;
-        let dead = (DEAD_TIME_SHAPE * free.values[3].abs()).max(LOSS_OF_BUS * self.bus_v);
+        let dead = (DEAD_TIME_SHAPE * free.values[3].abs()).max(given);
         let unknown = dead * dead * design.column(3).norm_squared();
         let left = (left - design * within).norm_squared();
         left <= (1.0 - free.explained + MATTERS) * voltages.norm_squared() + unknown
@@ -126,7 +126,7 @@ impl<'a> Motor<'a> {
             let (value, error) = (own.values[k], limits.sigmas * own.errors[k]);
             value + error < *ranges[k].start() || value - error > *ranges[k].end()
         });
-        let is_wrong = wrong.contains(&true) && !self.explained_within(&own, ranges);
+        let is_wrong = wrong.contains(&true) && !self.explained_within(&own, ranges, 0.0);
         // At rest voltages are what the loops make of noise.
         let follows = own.explained >= limits.voltage_explained || self.electrical_turns() < 1.0;
         if !is_wrong && follows {
@@ -139,6 +139,11 @@ impl<'a> Motor<'a> {
                 let fit = changed.equation();
                 fit.is_some_and(|fit| self.equation_sound(&fit, limits))
             });
+        let given = GIVEN_OF_BUS * self.bus_v;
+        let may_be_given = mended.is_none() && follows && own.values[0] < 0.0;
+        if may_be_given && self.explained_within(&own, ranges, given) {
+            return true;
+        }
         let flux = [own.values[2], *limits.flux_ratio.end()];
         let (code, statistic, sentence) = match mended {
             Some((_, words)) => ("voltages", flux, words),
