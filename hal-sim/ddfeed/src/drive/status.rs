@@ -56,9 +56,9 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     println!(
         "Limits: screw {} rpm and {} N m, nut {} rpm and {} N m, table {} mm/s, {} mm/s^2 and {} mm/s^3",
         screw.speed_max_rpm,
-        screw.torque_max_nm,
+        rounded(screw.torque_max_nm),
         nut.speed_max_rpm,
-        nut.torque_max_nm,
+        rounded(nut.torque_max_nm),
         feed.velocity_max_mm_s,
         feed.acceleration_max_mm_s2,
         feed.jerk_max_mm_s3
@@ -122,6 +122,11 @@ pub fn faults(drive: &mut Drive, as_json: bool) -> Result<()> {
         println!("{line}");
     }
     Ok(())
+}
+
+/// To four places: a torque that comes of a current has more.
+fn rounded(torque_nm: f64) -> f64 {
+    (torque_nm * 1e4).round() / 1e4
 }
 
 /// The drive's state and settings, for what goes on over a while.

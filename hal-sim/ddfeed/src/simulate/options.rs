@@ -104,7 +104,7 @@ pub struct MachineOptions {
     /// machine, which no board is. [default: mains; paper where `--model` or `--sensors` is given]
     #[arg(long, value_enum)]
     pub board: Option<BoardName>,
-    /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]
+    /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for `serve` and a sweep]
     #[arg(long, value_enum, conflicts_with = "model")]
     pub machine: Option<Preset>,
     /// A machine of your own (model.toml), coupled.
@@ -116,7 +116,7 @@ pub struct MachineOptions {
     /// What measures the machine. [default: what a model file declares; real on a preset]
     #[arg(long, value_enum)]
     pub sensors: Option<Sensing>,
-    /// How the bridges make their voltages. `switching` takes ten times as long.
+    /// How the bridges make their voltages. `switching` takes six to ten times as long.
     #[arg(long, value_enum, default_value = "mean")]
     pub bridges: Bridges,
     /// Seed of all noise.
