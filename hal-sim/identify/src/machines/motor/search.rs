@@ -151,6 +151,11 @@ impl Found {
         self.taken.iter().map(|(order, _)| *order).collect()
     }
 
+    /// Gives up orders that are not among these.
+    pub(super) fn keep(&mut self, told: &[u32]) {
+        self.taken.retain(|(order, _)| told.contains(order));
+    }
+
     /// Share of a mean square of the check record that each order takes.
     pub(super) fn shares_of(&self, square: f64) -> Vec<f64> {
         self.taken.iter().map(|(_, fall)| fall / square).collect()

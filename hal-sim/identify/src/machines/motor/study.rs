@@ -17,6 +17,7 @@ use crate::predict::judge::{Judged, LEAST_BLOCKS, judge};
 use crate::predict::orders::loudest_orders;
 use crate::predict::side::{Known, Side};
 use crate::regression::column::{Column, counted};
+use crate::regression::sandwich::NORMAL_95;
 use crate::signal::fourier::slope;
 use rayon::prelude::*;
 
@@ -41,6 +42,9 @@ pub struct Lag {
     /// any smooth misfit.
     pub is_named: bool,
 }
+
+/// Half of the interval that a free order may have at most: half of the way to the next one.
+const HALF_ORDER: f64 = 0.5;
 
 /// What the orders explain of a motor's current.
 pub struct Study {
@@ -250,6 +254,13 @@ impl Regressions {
         rms(&self.before.left[1]).powi(2)
     }
 
+    /// The orders that are told from their neighbours. A slow wave over a part of a turn has any order.
+    fn told(&self, orders: &[u32]) -> Vec<u32> {
+        let pairs = orders.iter().zip(&self.steps);
+        let told = pairs.filter(|(_, [_, variance])| NORMAL_95 * variance.sqrt() < HALF_ORDER);
+        told.map(|(order, _)| *order).collect()
+    }
+
     /// The orders as the fit record has them where they are free, and their variances.
     fn freed(&self, orders: &[u32]) -> Vec<[f64; 2]> {
         let pairs = orders.iter().zip(&self.steps);
@@ -308,10 +319,16 @@ impl Study {
         let Explained {
             base,
             not_told_apart,
-            found,
+            mut found,
         } = Search::new(records, &candidates, lags_s, rate).explained();
-        let numbers = found.orders();
-        let regressions = Regressions::new(records, &base, &numbers, found.late_s);
+        let mut numbers = found.orders();
+        let mut regressions = Regressions::new(records, &base, &numbers, found.late_s);
+        let told = regressions.told(&numbers);
+        if told.len() < numbers.len() {
+            found.keep(&told);
+            numbers = told;
+            regressions = Regressions::new(records, &base, &numbers, found.late_s);
+        }
         let Regressions { before, after, .. } = &regressions;
         let orders = numbers.iter().enumerate();
         let orders = orders.map(|(k, order)| {

@@ -16,9 +16,6 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 /// any order where rows meet it. That of an encoder whose motor rests all along does not average out: half a count.
 const LEAST_COUNTS: f64 = FRAC_1_PI;
 const LEAST_AT_REST: f64 = 0.5;
-/// Share of a motor's torque, rms, that a friction without an order must make: how a sign turns round, and a drag that a ripple of flux and
-/// current makes, are of a friction's shape too.
-const SHARE_OF_FRICTION: f64 = 0.01;
 /// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
 /// makes.
 const LEAST_DEAD_TIME_V: f64 = 0.05;
@@ -55,17 +52,13 @@ pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
     let columns = trial
         .hypothesis
         .contributions(balance, balance.signals.run_s());
-    let share = match trial.hypothesis.family {
-        Family::StribeckFriction => SHARE_OF_FRICTION,
-        _ => SHARE_OF_DRIVE,
-    };
     let mut sum = Contribution::default();
     for (column, value) in columns.iter().zip(&trial.gain.values) {
         sum.add_all(*value, column);
     }
     sum.0.iter().any(|(channel, spectrum)| {
         let drive = drive_rms(balance.model, balance.signals, *channel);
-        balance.fourier.rms(spectrum) > share * drive
+        balance.fourier.rms(spectrum) > SHARE_OF_DRIVE * drive
     })
 }
 
