@@ -120,7 +120,7 @@ fn a_recording_is_kept_where_its_mcap_file_fails() {
     let out = folder.path().display().to_string();
     // A folder with something in it is not replaced by a file.
     std::fs::create_dir_all(folder.path().join("record.mcap/folder")).unwrap();
-    let said = served.fails(1, &record(&out, &[]));
+    let said = served.fails(1, &record(&out, &["--replace"]));
     assert!(
         said.contains("--mcap failed") && said.contains("record.csv.gz is kept"),
         "{said}"
