@@ -64,9 +64,13 @@ impl StatusReport {
         self.state.map_or("unknown", State::name)
     }
 
-    /// Why the last alignment failed.
+    /// Why the rotors could not be aligned, as long as they are not. The drive keeps the reason of its last failed alignment.
     pub fn misalignment(&self) -> Option<Misalignment> {
-        Misalignment::of_word(self.status.misalignment)
+        let is_unaligned = match self.state {
+            Some(State::Fault(fault)) => fault.is_misalignment(),
+            state => matches!(state, Some(State::Unaligned) | None),
+        };
+        Misalignment::of_word(self.status.misalignment).filter(|_| is_unaligned)
     }
 
     /// Which settings the drive runs on.

@@ -60,11 +60,7 @@ pub fn ready(drive: &mut Drive, stop: &AtomicBool) -> Result<()> {
     }
     match drive.arm(|_| !stop.load(Relaxed))? {
         State::Fault(fault) => {
-            let misalignment = look(drive)?.misalignment();
-            bail!(Stopped(
-                fault,
-                misalignment.filter(|_| fault.is_misalignment())
-            ))
+            bail!(Stopped(fault, look(drive)?.misalignment()))
         }
         State::Unaligned => {
             bail!("the alignment was interrupted: the drive is unaligned, and its bridges are open")
@@ -365,20 +361,13 @@ pub fn rest(drive: &mut Drive) -> Result<()> {
     let until = drive.now() + REST;
     loop {
         let seen = look(drive)?;
+        let is_on = seen.state.is_some_and(State::has_bridges_on);
+        // Bridges open once both references are at rest. The shafts may coast on for a moment.
+        let coasts = [0, 1].map(|motor| seen.rpm(motor).abs() > COASTS_RPM);
         match seen.state {
-            Some(state) if state.has_bridges_on() && drive.now() < until => drive.listen(BEAT)?,
-            Some(state) if state.has_bridges_on() => {
-                bail!("the drive does not come to rest: open its enable contact")
-            }
             Some(State::Fault(fault)) => bail!(Stopped(fault, None)),
-            // Bridges open once both references are at rest. The shafts may coast on for a moment.
-            _ if [0, 1]
-                .iter()
-                .any(|motor| seen.rpm(*motor).abs() > COASTS_RPM)
-                && drive.now() < until =>
-            {
-                drive.listen(BEAT)?;
-            }
+            _ if (is_on || coasts.contains(&true)) && drive.now() < until => drive.listen(BEAT)?,
+            _ if is_on => bail!("the drive does not come to rest: open its enable contact"),
             _ => return Ok(()),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::connect::Drive;
 use anyhow::{Context, Result};
-use link::codes::{Fault, Origin, State};
+use link::codes::{Fault, Origin};
 use link::host::status::{StatusReport, code, entry_json, event_json, fault_json, is_fault, kind};
 use serde_json::{Value, json};
 
@@ -33,9 +33,7 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     for warning in settings.warnings() {
         println!("Warning: {}", warning.sentence());
     }
-    // The drive keeps the reason of its last failed alignment.
-    let is_unaligned = matches!(seen.state, Some(State::Unaligned | State::Fault(_)) | None);
-    if let Some(reason) = seen.misalignment().filter(|_| is_unaligned) {
+    if let Some(reason) = seen.misalignment() {
         println!("Alignment: {}", reason.sentence());
     }
     if let Some(origin) = seen.origin().filter(|origin| *origin != Origin::Own) {
