@@ -1,9 +1,8 @@
 //! The residuals of the declared model itself.
 
 use super::linear::linear;
-use super::{Balance, Contribution, Spring, brake, delayed, shaped};
+use super::{Balance, Contribution, Spring, brake, shaped};
 use crate::signal::channel::Channel;
-use crate::signal::fourier::Spectrum;
 use crate::signal::signals::rounded_sign;
 use fft::Complex64;
 use plant::Axis;
@@ -45,12 +44,6 @@ impl Balance<'_> {
         residual
     }
 
-    /// A voltage that was commanded for the control period that ends at its row, when it was applied: in the middle of the period.
-    fn applied(&self, commanded: &[f64]) -> Spectrum {
-        let age = 0.5 / self.model.sensing.control_hz;
-        delayed(self.fourier, &self.fourier.spectrum(commanded), -age)
-    }
-
     /// The voltage residuals of both motors under the declared model.
     fn voltage_residual(&self) -> Contribution {
         let mut residual = Contribution::default();
@@ -60,14 +53,14 @@ impl Balance<'_> {
             let d = self.spectrum_of(FULL, |k| {
                 omega_e(k) * motor.inductance_h * s.i_q[k] - motor.resistance_ohm * s.i_d[k]
             });
-            residual.add(Channel::VoltageD(axis), 1.0, &self.applied(&s.u_d));
+            residual.add(Channel::VoltageD(axis), 1.0, &s.applied[0]);
             residual.add(Channel::VoltageD(axis), 1.0, &d);
             residual.add(Channel::VoltageD(axis), -motor.inductance_h, &s.i_d_rate);
             let q = self.spectrum_of(FULL, |k| {
                 -motor.resistance_ohm * s.i_q[k] - omega_e(k) * motor.inductance_h * s.i_d[k]
             });
             let emf = f64::from(motor.pole_pairs) * motor.flux_wb;
-            residual.add(Channel::VoltageQ(axis), 1.0, &self.applied(&s.u_q));
+            residual.add(Channel::VoltageQ(axis), 1.0, &s.applied[1]);
             residual.add(Channel::VoltageQ(axis), 1.0, &q);
             residual.add(Channel::VoltageQ(axis), -emf, &s.speed);
             residual.add(Channel::VoltageQ(axis), -motor.inductance_h, &s.i_q_rate);

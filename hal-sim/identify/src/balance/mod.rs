@@ -16,7 +16,7 @@ pub(crate) use memory::{Key, Memory};
 
 use crate::effects::refusals::Refusals;
 use crate::signal::channel::Channel;
-use crate::signal::fourier::{Fourier, Spectrum};
+use crate::signal::fourier::{CLEAR, Fourier, Spectrum};
 use crate::signal::noise::declared_resonance_hz;
 use crate::signal::signals::{Signals, rounded_sign};
 use fft::Complex64;
@@ -24,12 +24,6 @@ use plant::Axis;
 use plant::effects::{EffectModel, Place, Term};
 use plant::model::Model;
 use std::f64::consts::TAU;
-
-/// Power in that of the encoders' resolution from which a bin tells what the screw's compliance makes of the shafts' motion. The
-/// compliance amplifies noise. That biases each bin towards the stiffer screw, and the biases add up. Of 34 drawn machines (seeds 700018
-/// on, every 19th) the resonance was 2.3 standard deviations too high on average with 7 times. With 100 times it was 0.5. With 1000
-/// times it was 0.4, and four times as uncertain.
-const CLEAR: f64 = 100.0;
 
 /// What one quantity adds to the residuals: a spectrum for each channel that it reaches.
 #[derive(Clone, Default)]
@@ -173,13 +167,6 @@ fn difference(a: &[Complex64], b: &[Complex64], scale: f64) -> Spectrum {
     a.iter().zip(b).map(|(a, b)| a - b * scale).collect()
 }
 
-/// A signal `seconds` later.
-fn delayed(fourier: &Fourier, spectrum: &[Complex64], seconds: f64) -> Spectrum {
-    let turn = |bin: usize| Complex64::from_polar(1.0, -TAU * fourier.hz(bin) * seconds);
-    let bins = spectrum.iter().enumerate();
-    bins.map(|(bin, value)| value * turn(bin)).collect()
-}
-
 impl<'a> Balance<'a> {
     /// Balances of a record.
     pub fn new(
@@ -214,7 +201,7 @@ impl<'a> Balance<'a> {
             .collect();
         let later = |axis: Axis| {
             let acceleration = &signals.motors[axis.index()].acceleration;
-            delayed(fourier, acceleration, -assumed.lags[axis.index()])
+            fourier.delayed(acceleration, -assumed.lags[axis.index()])
         };
         let relative_acceleration = difference(&later(Axis::Screw), &later(Axis::Nut), 1.0);
         Balance {
@@ -254,7 +241,7 @@ impl<'a> Balance<'a> {
 
     /// What moves with the table, as it was when an angle was read.
     fn seen_by(&self, axis: Axis, of_the_table: &[Complex64]) -> Spectrum {
-        delayed(self.fourier, of_the_table, self.lags[axis.index()])
+        self.fourier.delayed(of_the_table, self.lags[axis.index()])
     }
 
     /// Angle of screw against nut when the scale is read, rad.

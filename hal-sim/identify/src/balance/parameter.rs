@@ -1,14 +1,12 @@
 //! What declared parameters and nuisances of a record add to the residuals.
 
 use super::declared::FULL;
-use super::{Balance, CLEAR, Contribution, brake, shaped};
+use super::{Balance, Contribution, brake, shaped};
 use crate::effects::parameter::{MotorParameter, Parameter, REACH_RAD};
 use crate::machines::declared_or_unit;
 use crate::signal::channel::Channel;
-use crate::signal::noise::white_noise;
 use crate::signal::signals::{MOST_SINCE, SMOOTH_HZ as SMOOTH, STICKING_RAD_S, rounded_sign};
 use plant::Axis;
-use std::f64::consts::TAU;
 
 impl Balance<'_> {
     /// What relative changes of the declared parameters, and nuisances of the record, add to the residuals.
@@ -155,14 +153,8 @@ impl Balance<'_> {
                 );
             }
             MotorParameter::VoltageLag => {
-                for (channel, commanded) in [(d, &s.u_d), (q, &s.u_q)] {
-                    let noise = white_noise(commanded).powi(2);
-                    let rate = self.fourier.slope(commanded);
-                    let told = self.fourier.above_noise(&rate, CLEAR, |bin| {
-                        noise * (TAU * self.fourier.hz(bin)).powi(2)
-                    });
-                    sum.add(channel, period, &told);
-                }
+                sum.add(d, period, &s.voltage_rate[0]);
+                sum.add(q, period, &s.voltage_rate[1]);
             }
             MotorParameter::AngleZero => {
                 let flux = motor.flux_wb;

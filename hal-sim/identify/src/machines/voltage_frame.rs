@@ -3,6 +3,7 @@
 //! A log of phase voltages has no frame. Turned by the angle of its row, voltages of the control period that ends there are off by what
 //! the rotor turns in half of that period: `u_d` has a part `omega_e age u_q`. The d equation of the plate shows the age.
 
+use crate::signal::frames::{clarke, park};
 use nalgebra::{Matrix2, Vector2};
 use plant::model::MotorModel;
 use plant::recording::AxisRecord;
@@ -11,7 +12,7 @@ use plant::recording::AxisRecord;
 const BLOCK_S: f64 = 5e-3;
 /// Greatest age that is looked for, control periods: a period of computing, one of output, and half of one in the mean.
 const MOST_PERIODS: f64 = 2.5;
-/// Least age that is worth a turn, control periods: the regression allows for [less](crate::effects::parameter).
+/// Minimum age that is worth a turn, control periods: the regression allows for [less](crate::effects::parameter).
 const LEAST_PERIODS: f64 = 0.25;
 /// Standard deviations that an age must be away from none.
 const SIGMAS: f64 = 5.0;
@@ -59,8 +60,8 @@ pub(crate) fn turn(pole_pairs: f64, rate: f64, age: f64, record: &mut AxisRecord
 }
 
 fn rotated(angle: f64, d: f64, q: f64) -> (f64, f64) {
-    let (sin, cos) = angle.sin_cos();
-    (d * cos - q * sin, d * sin + q * cos)
+    let (sin, cos) = (-angle).sin_cos();
+    park((d, q), (cos, sin))
 }
 
 fn blocks(motor: &MotorModel, rate: f64, record: &AxisRecord) -> Vec<Block> {
@@ -74,8 +75,7 @@ fn blocks(motor: &MotorModel, rate: f64, record: &AxisRecord) -> Vec<Block> {
         let speed = pole_pairs * (angle[from + rows] - angle[from]) * rate / rows as f64;
         let currents = within.clone().map(|row| {
             let (sin, cos) = (pole_pairs * angle[row]).sin_cos();
-            let phases = crate::signal::frames::clarke(record.ia_a[row], record.ib_a[row]);
-            crate::signal::frames::park(phases, (cos, sin))
+            park(clarke(record.ia_a[row], record.ib_a[row]), (cos, sin))
         });
         let (d, q) = currents.fold((0.0, 0.0), |sum, i| (sum.0 + i.0, sum.1 + i.1));
         let (d, q) = (d / rows as f64, q / rows as f64);
@@ -112,7 +112,7 @@ fn step(blocks: &[Block], age: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signal::frames::{clarke, park};
+    use crate::machines::pmsm::phases;
     use plant::model::Model;
 
     /// A motor on currents of 0.1 and 2 A at several speeds, by its equation; its voltages are read `age` late, and its encoder is off by
@@ -130,13 +130,9 @@ mod tests {
             let u_q =
                 motor.resistance_ohm * q + electrical * (motor.inductance_h * d + motor.flux_wb);
             let (u_d, u_q) = rotated(-electrical * age - offset, u_d, u_q);
-            let scale = (2.0_f64 / 3.0).sqrt();
-            let phase = |lag: f64| {
-                let (sin, cos) = (p * angle - lag).sin_cos();
-                scale * (d * cos - q * sin)
-            };
-            record.ia_a.push(phase(0.0));
-            record.ib_a.push(phase(std::f64::consts::TAU / 3.0));
+            let [a, b] = phases(&[d], &[q], |_| p * angle);
+            record.ia_a.extend(a);
+            record.ib_a.extend(b);
             record.angle_rad.push(angle);
             record.ud_v.push(u_d);
             record.uq_v.push(u_q);

@@ -180,6 +180,11 @@ impl Fourier {
 /// Power in that of noise from which a bin of a spectrum is more than noise: noise alone exceeds it in one bin of a thousand,
 /// as its power is distributed exponentially.
 pub(crate) const ABOVE_NOISE: f64 = 7.0;
+/// The same of a regressor whose bias adds up over its bins. What a screw's compliance makes of the shafts' motion is biased towards the
+/// stiffer screw. Of 34 drawn machines (seeds 700018 on, every 19th) the resonance was 2.3 standard deviations too high on average with 7
+/// times. With 100 times it was 0.5. With 1000 times it was 0.4, and four times as uncertain. The slope of a voltage answers the currents'
+/// noise: with 7 times a flux harmonic was 3 % off.
+pub(crate) const CLEAR: f64 = 100.0;
 
 impl Fourier {
     /// What of a record's spectrum is above noise with a variance a row of `density` in each bin. Noise in a regressor
@@ -237,6 +242,13 @@ pub fn curvature(signal: &[f64], rate: f64) -> Vec<f64> {
 }
 
 impl Fourier {
+    /// A signal `seconds` later.
+    pub fn delayed(&self, spectrum: &[Complex64], seconds: f64) -> Spectrum {
+        let turn = |bin: usize| Complex64::from_polar(1.0, -TAU * self.hz(bin) * seconds);
+        let bins = spectrum.iter().enumerate();
+        bins.map(|(bin, value)| value * turn(bin)).collect()
+    }
+
     /// Spectrum of the first derivative, exact up to the Nyquist frequency of the decimated rate.
     pub fn slope(&self, signal: &[f64]) -> Spectrum {
         self.slope_at(1, signal)

@@ -12,3 +12,4 @@ pub(crate) mod recount;
 pub(crate) mod rounding;
 pub mod scan;
 pub mod signals;
+pub(crate) mod white;

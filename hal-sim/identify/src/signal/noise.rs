@@ -90,6 +90,13 @@ impl Noise {
             let motor = &signals.motors[axis.index()];
             (step(&motor.u_d), step(&motor.u_q))
         });
+        // Of a voltage, to which an angle's rounding adds the back EMF of a rad/s, so many times.
+        let of_voltage = |axis: Axis, white: f64, times: f64, bin: usize| {
+            let motor = model.motor(axis);
+            let gain = (f64::from(motor.pole_pairs) * motor.flux_wb * times).powi(2);
+            let rounding = signals.motors[axis.index()].angle_rounding[bin];
+            [white, gain * angle_noise(sensing, axis), gain * rounding]
+        };
         // Of a channel: what is white whatever turns, what is made of an angle's rounding, and that as the record has it.
         let parts = Channel::ALL.map(|channel| {
             let at = |bin: usize, hz: f64| match channel {
@@ -112,27 +119,12 @@ impl Noise {
                 }
                 // A rounded angle turns a part of the back EMF into the d axis.
                 Channel::VoltageD(axis) => {
-                    let motor = model.motor(axis);
-                    let pole_pairs = f64::from(motor.pole_pairs);
-                    let own = &signals.motors[axis.index()];
-                    let turned = pole_pairs * pole_pairs * motor.flux_wb * own.rms_speed;
-                    [
-                        steps[axis.index()].0,
-                        turned * turned * angle_noise(sensing, axis),
-                        turned * turned * own.angle_rounding[bin],
-                    ]
+                    let pole_pairs = f64::from(model.motor(axis).pole_pairs);
+                    let speed = signals.motors[axis.index()].rms_speed;
+                    of_voltage(axis, steps[axis.index()].0, pole_pairs * speed, bin)
                 }
                 // The back EMF is by the slope of a rounded angle.
-                Channel::VoltageQ(axis) => {
-                    let motor = model.motor(axis);
-                    let emf = f64::from(motor.pole_pairs) * motor.flux_wb * TAU * hz;
-                    let rounding = signals.motors[axis.index()].angle_rounding[bin];
-                    [
-                        steps[axis.index()].1,
-                        emf * emf * angle_noise(sensing, axis),
-                        emf * emf * rounding,
-                    ]
-                }
+                Channel::VoltageQ(axis) => of_voltage(axis, steps[axis.index()].1, TAU * hz, bin),
                 Channel::Table => {
                     let lead = model.feed.travel_per_radian();
                     let u = hz / resonance_hz;
@@ -367,17 +359,4 @@ fn interpolate(points: &[(f64, f64)], at: f64) -> f64 {
     }
     let ((x0, y0), (x1, y1)) = (points[after - 1], points[after]);
     (y0.ln() + (y1 / y0).ln() * (at - x0) / (x1 - x0)).exp()
-}
-/// Standard deviation of a signal's white noise by its fourth differences, which what moves slowly has not.
-pub(crate) fn white_noise(values: &[f64]) -> f64 {
-    let fourth = values
-        .windows(5)
-        .map(|x| x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]);
-    let square: f64 = fourth.map(|x| x * x).sum();
-    (square / 70.0 / values.len().saturating_sub(4).max(1) as f64).sqrt()
-}
-
-/// The same, of what the 100 Hz filter leaves of it.
-pub(crate) fn white_below_100(values: &[f64], rate: f64) -> f64 {
-    white_noise(values) * (200.0 / rate).min(0.8).sqrt()
 }

@@ -2,10 +2,11 @@
 
 use crate::machines::Machine;
 use crate::signal::along::{Along, Factor};
-use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
+use crate::signal::fourier::{ABOVE_NOISE, CLEAR, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
 use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::rounding;
+use crate::signal::white::white_noise;
 use plant::Axis;
 use plant::model::{Model, SensingModel};
 use plant::recording::Recording;
@@ -49,6 +50,10 @@ pub struct MotorSignals {
     pub u_d: Vec<f64>,
     /// Commanded voltages, their means in the rotor's frame over a control period, V.
     pub u_q: Vec<f64>,
+    /// The same over the time at which they were applied, which is the middle of the control period that ends at their row: d and q, V.
+    pub applied: [Spectrum; 2],
+    /// First derivatives of the commanded voltages, as far as they are above noise: d and q, V/s.
+    pub voltage_rate: [Spectrum; 2],
     /// Size that the q current exceeds in a thousandth of the rows only, A.
     pub peak_a: f64,
     /// Rms of the q current to [`CURRENT_BANDWIDTH_HZ`], A.
@@ -137,7 +142,7 @@ pub(crate) fn current_noise(sensing: &SensingModel) -> f64 {
     sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0
 }
 
-fn mean_square(column: &[f64]) -> f64 {
+pub(crate) fn mean_square(column: &[f64]) -> f64 {
     column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
 }
 
@@ -218,6 +223,12 @@ impl MotorSignals {
                 .collect()
         };
         let (u_d, u_q) = (turned_mean(&record.ud_v), turned_mean(&record.uq_v));
+        let voltage_rate = [&u_d, &u_q].map(|u| {
+            let noise = white_noise(u).powi(2);
+            fourier.above_noise(&fourier.slope(u), CLEAR, |bin| {
+                noise * (TAU * fourier.hz(bin)).powi(2)
+            })
+        });
         let acceleration = fourier.curvature(&travel);
         let sensing = &model.sensing;
         let counts = sensing.counts_per_turn(axis);
@@ -258,6 +269,8 @@ impl MotorSignals {
             phases,
             i_q_smooth,
             i_d_smooth,
+            applied: [&u_d, &u_q].map(|u| fourier.delayed(&fourier.spectrum(u), -half_period)),
+            voltage_rate,
             u_d,
             u_q,
         }

@@ -204,7 +204,12 @@ pub(super) mod tests {
                 at
             })
             .collect();
-        let mut record = Record::to_follow(reference, RATE);
+        followed(axis, reference, RATE)
+    }
+
+    /// What an axis makes of a reference, m.
+    pub(in super::super) fn followed(axis: &Axis, reference: Vec<f64>, rate: f64) -> Record {
+        let mut record = Record::to_follow(reference, rate);
         let run = axis.simulate(&record);
         record.position = run.position;
         record.output = run

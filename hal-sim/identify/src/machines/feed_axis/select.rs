@@ -19,6 +19,7 @@ use crate::search::selection::{
 };
 use crate::signal::filter::butterworth_100;
 use crate::signal::leftover::{Over, Residual};
+use crate::signal::signals::mean_square;
 use std::f64::consts::TAU;
 
 /// Orders at most.
@@ -124,8 +125,7 @@ impl<'a> Linearised<'a> {
         };
         let parameters: Vec<Vec<f64>> = (0..own.len()).map(column).collect();
         let left = difference(&measured, &force, 1.0);
-        let rms =
-            (measured.iter().map(|f| f * f).sum::<f64>() / measured.len().max(1) as f64).sqrt();
+        let rms = mean_square(&measured).sqrt();
         let holdouts = SIDES.map(|sides| {
             let mut holdout = Holdout::new(sides.map(|fold| cut(&left, &folds[fold])));
             let columns = sides.map(|fold| cut_all(&parameters, &folds[fold]));
@@ -487,7 +487,7 @@ fn strongest_order(axis: &Axis, record: &Record) -> Option<Term> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fit::tests::record;
+    use super::super::fit::tests::{followed, record};
     use super::*;
     use crate::machines::feed_axis::Law;
     use crate::regression::sandwich::tests::coloured;
@@ -532,11 +532,7 @@ mod tests {
         let taken = |term: Term, values: Vec<f64>| {
             let mut real = clean.clone();
             real.terms.push((term, values));
-            let mut record = Record::to_follow(reference.clone(), 1000.0);
-            let run = real.simulate(&record);
-            record.position = run.position;
-            let force = run.force.iter();
-            record.output = force.map(|f| f / record.force_per_volt).collect();
+            let record = followed(&real, reference.clone(), 1000.0);
             let noise = coloured(7, record.len(), 0.0);
             let noisy = record.with_force(|row| 0.2 * noise[row]);
             let trials = tried(&clean, &noisy, false).into_iter();

@@ -9,7 +9,7 @@ use super::stage::{Errors, Stage};
 use crate::conclusion::rest::Remnant;
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::{butterworth_100, decimated};
-use crate::signal::noise::white_below_100;
+use crate::signal::white::white_below_100;
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 

@@ -19,6 +19,8 @@ pub(super) struct Motor {
     pub(super) friction: Friction,
     /// Constant, N m.
     pub(super) load: f64,
+    /// Of the flux over the electrical angle: its share of the flux, and its order.
+    pub(super) harmonic: [f64; 2],
     /// V.
     pub(super) bus: f64,
 }
@@ -65,6 +67,7 @@ impl Motor {
             coulomb,
             friction: Friction::Rounded(0.1),
             load: 0.0,
+            harmonic: [0.0; 2],
             bus,
         }
     }
@@ -98,7 +101,7 @@ impl Motor {
                 state.bristle
             }
         };
-        let torque = self.pole_pairs * self.flux * half.q
+        let torque = self.pole_pairs * self.flux_at(half.angle) * half.q
             - self.viscous * state.speed
             - self.coulomb * friction
             - self.load;
@@ -108,12 +111,18 @@ impl Motor {
         state.angle += dt * state.speed;
     }
 
+    /// Wb.
+    fn flux_at(&self, angle: f64) -> f64 {
+        let [share, order] = self.harmonic;
+        self.flux * (1.0 + share * (order * self.pole_pairs * angle + 0.4).cos())
+    }
+
     /// Of both currents, A/s.
     fn rates(&self, state: &State, [alpha, beta]: [f64; 2]) -> [f64; 2] {
         let electrical = self.pole_pairs * state.speed;
         let (sin, cos) = (self.pole_pairs * state.angle).sin_cos();
         let (u_d, u_q) = (alpha * cos + beta * sin, beta * cos - alpha * sin);
-        let of_voltage = [u_d, u_q - electrical * self.flux];
+        let of_voltage = [u_d, u_q - electrical * self.flux_at(state.angle)];
         let of_turn = [electrical * state.q, -electrical * state.d];
         let currents = [state.d, state.q];
         [0, 1]
