@@ -144,7 +144,7 @@ fn page(done: &[Done]) -> String {
     text
 }
 
-/// Difference of a measured phase margin from the predicted one that is told, degrees: three times what 60 drawn motors had at most
+/// Difference of a measured phase margin from the predicted one that is reported, degrees: three times what 60 drawn motors had at most
 /// (`docs/drive.md`).
 const FAR_DEG: f64 = 10.0;
 

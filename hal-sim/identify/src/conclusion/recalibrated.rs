@@ -85,7 +85,7 @@ pub(crate) fn load_nm(case: &Case, solution: &Solution) -> Option<f64> {
     alone.then(|| solution.values[at])
 }
 
-/// Least electrical angle of an encoder's zero that is said, rad: half a degree, which an alignment may leave.
+/// Minimum electrical angle of an encoder's zero that is reported, rad: half a degree, which an alignment may leave.
 const LEAST_ZERO: f64 = 0.009;
 /// Standard deviations that it must be away from none.
 const ZERO_SIGMAS: f64 = 4.0;

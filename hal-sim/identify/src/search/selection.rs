@@ -18,7 +18,7 @@ pub(crate) const CONFIRMED: f64 = 0.25;
 /// and of a motor.
 pub const MATERIAL_OF_ERROR: f64 = 0.01;
 /// Share of the force's rms that a term of a feed axis must explain of what it was not fitted to: friction and the law of a clean axis
-/// repeat less well than this. An order of the turn is told from them by its frequency.
+/// repeat less well than this. Its frequency distinguishes an order of the turn from them.
 pub(crate) const MATERIAL_OF_FORCE: f64 = 0.01;
 pub(crate) const MATERIAL_ORDER_OF_FORCE: f64 = 0.002;
 pub(crate) const MATERIAL_OF_CURRENT: f64 = 0.005;

@@ -10,7 +10,7 @@ use super::fit::{Both, rms};
 use super::record::Record;
 use super::search::Candidates;
 use super::stretch::{LEAST_HZ, NARROWER};
-use crate::signal::noise::white_noise;
+use crate::signal::white::white_noise;
 
 /// Widest band, Hz, and in the rows' rate where that is slow.
 const WIDEST_HZ: f64 = 100.0;

@@ -5,8 +5,8 @@ use super::record::Record;
 use crate::predict::basis::At;
 use crate::signal::filter::{ZeroPhase, butterworth, butterworth_gain, second_derivative};
 use crate::signal::fourier::slope;
-use crate::signal::noise::white_noise;
 use crate::signal::recount::{PHASES, count_of, saw_tooth};
+use crate::signal::white::white_noise;
 use fft::Complex64;
 use std::f64::consts::TAU;
 

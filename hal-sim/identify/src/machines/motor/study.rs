@@ -254,7 +254,7 @@ impl Regressions {
         rms(&self.before.left[1]).powi(2)
     }
 
-    /// The orders that are told from their neighbours. A slow wave over a part of a turn has any order.
+    /// The orders that are distinguished from their neighbours. A slow wave over a part of a turn has any order.
     fn told(&self, orders: &[u32]) -> Vec<u32> {
         let pairs = orders.iter().zip(&self.steps);
         let told = pairs.filter(|(_, [_, variance])| NORMAL_95 * variance.sqrt() < HALF_ORDER);
