@@ -7,6 +7,7 @@ use crate::machines::declared_or_unit;
 use crate::signal::channel::Channel;
 use crate::signal::signals::{MOST_SINCE, SMOOTH_HZ as SMOOTH, STICKING_RAD_S, rounded_sign};
 use plant::Axis;
+use std::f64::consts::TAU;
 
 impl Balance<'_> {
     /// What relative changes of the declared parameters, and nuisances of the record, add to the residuals.
@@ -57,6 +58,12 @@ impl Balance<'_> {
                     let table = self.seen_by(axis, &table);
                     sum.add(Channel::Torque(axis), brake(axis) * inertia, &table);
                 }
+            }
+            Parameter::EndSpeed { axis, row } => {
+                let count = TAU / f64::from(self.model.sensing.counts_per_turn(axis));
+                let step = self.model.motor(axis).inertia_kg_m2 * count * signals.rate.powi(2);
+                let there = |k: usize| if k == row { 1.0 } else { 0.0 };
+                sum.add(Channel::Torque(axis), step, &self.spectrum_of(FULL, there));
             }
             Parameter::RestOffset { from, to, .. } => {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };

@@ -33,6 +33,7 @@ fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> 
         Parameter::TableMass { .. } => "feed.table_mass_kg".into(),
         Parameter::Curve(_)
         | Parameter::GuidewayShare
+        | Parameter::EndSpeed { .. }
         | Parameter::TableOrigin { .. }
         | Parameter::RestOffset { .. }
         | Parameter::RestDrift { .. } => return None,
@@ -146,6 +147,7 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             Parameter::Load => model.feed.load_n *= factor,
             Parameter::TableMass { .. } => heavier = factor.max(LIGHTEST),
             Parameter::Curve(_)
+            | Parameter::EndSpeed { .. }
             | Parameter::TableOrigin { .. }
             | Parameter::RestOffset { .. }
             | Parameter::RestDrift { .. } => {}

@@ -27,6 +27,16 @@ pub enum Parameter {
     },
     /// How much of a measured curve, by its number, the record has: 1 as it was learnt.
     Curve(usize),
+    /// Rounding of an encoder in the speed at an end of a record, as a share of a count a row. A record's second derivative ends there, and
+    /// the rounding that nothing continues is a step of the speed: at low frequencies it is far more than that of the rows between
+    /// (Pintelon and Schoukens, *System Identification: A Frequency Domain Approach*, 2012, section 6.3.2: transients are polynomials of the
+    /// frequency).
+    EndSpeed {
+        /// Of which motor.
+        axis: Axis,
+        /// First or last row.
+        row: usize,
+    },
     /// Where the table's scale has its zero, m.
     TableOrigin {
         /// How far from where the first row has it: little if the record starts with the axial spring relaxed.
@@ -126,7 +136,8 @@ impl Parameter {
     pub fn is_of_the_machine(self) -> bool {
         !matches!(
             self,
-            Parameter::TableOrigin { .. }
+            Parameter::EndSpeed { .. }
+                | Parameter::TableOrigin { .. }
                 | Parameter::RestOffset { .. }
                 | Parameter::RestDrift { .. }
         )
@@ -159,7 +170,8 @@ impl Parameter {
     }
 
     /// How far the parameter may lie from its declared value: the tolerance of plate values (3 % of resistance,
-    /// inductance, inertia; 1 % of flux; 20 % of friction), with a tenth more for what the record adds.
+    /// inductance, inertia; 1 % of flux; 20 % of friction), with a tenth more for what the record adds. A plate that says 20 % less than
+    /// there is has a quarter more to come.
     fn bound(self) -> f64 {
         match self {
             Parameter::Motor(_, which) => match which {
@@ -167,7 +179,7 @@ impl Parameter {
                 | MotorParameter::Resistance
                 | MotorParameter::Inductance => 0.033,
                 MotorParameter::Flux => 0.011,
-                MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
+                MotorParameter::Viscous | MotorParameter::Coulomb => 0.275,
                 MotorParameter::Load => f64::INFINITY,
                 // The period that is read has between none and twice the mean.
                 MotorParameter::ReferenceStep => 1.0,
@@ -178,11 +190,13 @@ impl Parameter {
                 MotorParameter::VoltageLag => 2.0,
                 MotorParameter::ReadingLag => 1e-4,
             },
-            Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
+            Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.275,
             Parameter::GuidewayShare => 1.0,
             Parameter::Load => 0.005,
             Parameter::TableMass { within } => 3.0 * within,
             Parameter::Curve(_) => f64::INFINITY,
+            // Each of two rows is rounded by half a count at most.
+            Parameter::EndSpeed { .. } => 1.0,
             Parameter::TableOrigin { within } => within,
             Parameter::RestOffset { count_m, .. } | Parameter::RestDrift { count_m, .. } => count_m,
         }
@@ -229,6 +243,7 @@ impl Parameter {
             Parameter::TableOrigin { within } => 0.2 * within,
             // Twice what its interval says: commissioning had a true mass 1.7 of its intervals away.
             Parameter::TableMass { within } => within,
+            Parameter::EndSpeed { .. } => 1.0 / 6.0_f64.sqrt(),
             Parameter::RestOffset { count_m, .. } => count_m / 12.0_f64.sqrt(),
             Parameter::RestDrift { count_m, .. } => count_m / 6.0_f64.sqrt(),
             _ => self.bound() / 3.0_f64.sqrt(),

@@ -76,8 +76,11 @@ impl<'a> Whitener<'a> {
             close(0);
             close(rows - 1);
             for speed in speeds {
+                // A fast reversal has no row that rests.
+                let is_passed =
+                    |k: usize| speed[k * step] * speed[k.saturating_sub(1) * step] < 0.0;
                 (0..rows)
-                    .filter(|k| speed[k * step].abs() < STICKING_RAD_S)
+                    .filter(|&k| speed[k * step].abs() < STICKING_RAD_S || is_passed(k))
                     .for_each(&mut close);
             }
             open

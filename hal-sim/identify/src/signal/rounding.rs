@@ -17,25 +17,54 @@ const HARMONICS: usize = 8;
 /// Half the width of a line of an even speed in a hold of half a second, Hz: a hold of `T` seconds leaks as a Lorentzian of the half width
 /// `1 / (2 pi T)` does.
 const LINE_HZ: f64 = 0.3;
+/// How far a low-pass filter reaches above its bandwidth.
+const EDGE: f64 = 1.4;
 /// Width of a cell of the sum over rows, Hz.
 const CELL_HZ: f64 = 0.25;
 /// How far a line's skirt is followed, half widths: beyond it 1 % of its power is left.
 const SKIRT: f64 = 60.0;
 
-/// Bandwidth of the speeds that say where a line is, Hz: a line that is itself among them would smear itself.
+/// Bandwidth of the speeds that say where a line is, Hz.
 const EVEN_HZ: f64 = 20.0;
+/// Bandwidths of speeds without a line, Hz: a line that is among them would smear itself. The last says where the line is.
+const BELOW_HZ: [f64; 7] = [200.0, 100.0, 40.0, EVEN_HZ, 8.0, 3.0, 1.2];
+/// Harmonics of the saw tooth that are kept out of the speeds: the next has a fiftieth of its power.
+const KEPT_OUT: usize = 4;
 
 /// Density of the angle's rounding over the bins of a spectrum, rad^2: the variance of white noise at that level.
 /// `omega` is the smooth speed in every row, rad/s; `rate` the rows per second; `counts` those of one turn.
 pub(crate) fn density(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> Vec<f64> {
-    let even = fourier.low_pass(omega, EVEN_HZ);
-    let ripple: Vec<f64> = omega.iter().zip(&even).map(|(w, e)| w - e).collect();
-    let half_width =
-        LINE_HZ + f64::from(counts) * quantile_of_sizes(ripple.iter().copied(), 0.5) / TAU;
+    let [smooth, even] = without_lines(omega, rate, counts, fourier);
+    let ripple = smooth.iter().zip(&even).map(|(w, e)| w - e);
+    let half_width = LINE_HZ + f64::from(counts) * quantile_of_sizes(ripple, 0.5) / TAU;
     let by_speed = by_speed(&even, rate, counts, fourier, half_width);
-    let counted = counted_again(omega, rate, counts, fourier);
+    let counted = counted_again(&smooth, rate, counts, fourier);
     let pairs = by_speed.iter().zip(&counted);
     pairs.map(|(speed, counted)| speed.max(*counted)).collect()
+}
+
+/// The speeds, and those to [`EVEN_HZ`], each to a bandwidth in each row that the lines of the rounding are above.
+fn without_lines(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> [Vec<f64>; 2] {
+    let below = BELOW_HZ.map(|hz| fourier.low_pass(omega, hz));
+    let slowest = BELOW_HZ.len() - 1;
+    let even = BELOW_HZ.iter().position(|hz| *hz == EVEN_HZ);
+    let even = even.unwrap_or(slowest);
+    let rows = below[slowest].iter().enumerate().map(|(row, speed)| {
+        let crossed = f64::from(counts) * speed.abs() / TAU;
+        let lines = (1..=KEPT_OUT).map(|k| folded(k as f64 * crossed, rate));
+        let line = lines.fold(f64::INFINITY, f64::min);
+        let is_below = |hz: &f64| EDGE * hz < line;
+        let own = BELOW_HZ.iter().position(is_below).unwrap_or(slowest);
+        (below[own][row], below[even.max(own)][row])
+    });
+    let (smooth, even) = rows.unzip();
+    [smooth, even]
+}
+
+/// Where a record of a rate has a wave of a frequency, Hz.
+fn folded(hz: f64, rate: f64) -> f64 {
+    let turned = hz % rate;
+    turned.min(rate - turned)
 }
 
 /// The density by the rounding of a motion that is counted once more.
@@ -85,8 +114,7 @@ fn by_speed(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier, half_width
             continue;
         }
         for (k, held) in of_harmonic.iter().enumerate() {
-            let turned = (k + 1) as f64 * crossed % rate;
-            let cell = (turned.min(rate - turned) / cell_hz) as usize;
+            let cell = (folded((k + 1) as f64 * crossed, rate) / cell_hz) as usize;
             power[cell.min(cells - 1)] += held;
             white -= held;
         }
@@ -186,11 +214,14 @@ mod tests {
     #[test]
     fn the_density_is_where_counted_angles_have_their_power() {
         type Speed = fn(f64) -> f64;
-        let cases: [(&str, u32, Speed); 4] = [
+        let cases: [(&str, u32, Speed); 7] = [
             ("even", 131_072, |_| 54.66),
             ("slow", 4000, |_| 0.37),
             ("waves", 131_072, |t| 40.0 + 0.02 * (TAU * 7.0 * t).sin()),
             ("ramp", 4000, |t| 3.0 + 2.0 * t),
+            ("a line at 98 Hz", 4096, |_| 6.0196 * RATE * TAU / 4096.0),
+            ("a line at 27 Hz", 4096, |_| 31.9946 * RATE * TAU / 4096.0),
+            ("a line at 8 Hz", 4096, |_| 18.0016 * RATE * TAU / 4096.0),
         ];
         for (name, counts, speed) in cases {
             let bands = bands(speed, counts);
