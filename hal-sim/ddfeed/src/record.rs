@@ -346,9 +346,12 @@ pub fn set_encoder_kinds(sensing: &mut SensingModel, encoders: [link::telemetry:
 /// What stands above the model of a commissioned drive.
 const MEASURED: &str = "\
 # Motors, friction, load, supply and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
-# Friction of ball pair and guideway was measured together and stands at the pair. The stiffness is by the axial resonance, where
-# the scale shows one. Damping and the sensors' noise were not measured.
+# Friction of ball pair and guideway was measured together and stands at the pair. Damping and the sensors' noise were not measured.
 ";
+const STIFFNESS_MEASURED: &str =
+    "# The stiffness is by the axial resonance that the scale showed.\n";
+const STIFFNESS_GUESSED: &str =
+    "# The stiffness is a guess: the scale showed no axial resonance. Correct it if you know it.\n";
 
 /// The text of the `model.toml` of a drive that was commissioned.
 #[must_use]
@@ -396,10 +399,14 @@ pub fn measured_model_file(
     feed.guideway_coulomb_n = 0.0;
     feed.guideway_viscous_n_s_per_m = least(machine.feed_viscous_nm_s) / (travel * travel);
     feed.load_n = machine.load_nm / travel;
-    if let Some(hz) = machine.axial_hz {
-        feed.axial_stiffness_n_per_m = feed.table_mass_kg * (TAU * hz).powi(2);
-    }
-    format!("{MEASURED}{}", model.to_toml())
+    let stiffness = match machine.axial_hz {
+        Some(hz) => {
+            feed.axial_stiffness_n_per_m = feed.table_mass_kg * (TAU * hz).powi(2);
+            STIFFNESS_MEASURED
+        }
+        None => STIFFNESS_GUESSED,
+    };
+    format!("{MEASURED}{stiffness}{}", model.to_toml())
 }
 
 /// How an encoder's reading leads to the rotor's angle at the instant of the currents.

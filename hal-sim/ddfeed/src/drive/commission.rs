@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use commission::LoopResponse;
 use commission::Session;
 use commission::procedure::{Done, Options, Step, measured, run as measure};
+use commission::quantity::Quantity;
 use commission::tune::Crossing;
 use indicatif::{ProgressBar, ProgressStyle};
 use pollster::block_on;
@@ -119,6 +120,9 @@ fn page(done: &[Done]) -> String {
         for quantity in &done.quantities {
             let _ = writeln!(text, "    {quantity}");
         }
+        if is_slower(&done.quantities) {
+            text += SLOWER;
+        }
         for (kind, responses) in [
             ("current", &done.responses),
             ("speed", &done.speed_responses),
@@ -142,6 +146,18 @@ fn page(done: &[Done]) -> String {
         }
     }
     text
+}
+
+/// Why the speed loops are slower than before, if they are.
+const SLOWER: &str = "    The speed loops are slower than before: `--margin` asks for a phase margin that faster ones have not, or \
+                      `--speed-loop` for slow ones.\n";
+
+/// Whether the speed loops became slower.
+fn is_slower(quantities: &[Quantity]) -> bool {
+    quantities.iter().any(|quantity| {
+        let before = quantity.before.unwrap_or_default();
+        quantity.name == "tuning.speed_rad_s" && quantity.estimate.value < before
+    })
 }
 
 /// Difference of a measured phase margin from the predicted one that is reported, degrees: three times what 60 drawn motors had at most
@@ -202,6 +218,7 @@ fn not_measured(hz: &[f64]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use commission::Estimate;
 
     /// The tuning printed a bandwidth in rad/s. The response printed none, in Hz and without a reason.
     #[test]
@@ -224,6 +241,24 @@ mod tests {
             ),
             "{line}"
         );
+    }
+
+    /// A commissioning took two thirds of the NUCLEO board's speed loops, and gave no reason.
+    #[test]
+    fn speed_loops_that_became_slower_have_their_reason() {
+        let tuned = |value: f64| {
+            let quantity = Quantity {
+                name: "tuning.speed_rad_s".to_owned(),
+                unit: "rad/s".to_owned(),
+                estimate: Estimate {
+                    value,
+                    plus_minus: 0.0,
+                },
+                before: Some(200.0),
+            };
+            is_slower(&[quantity])
+        };
+        assert!(tuned(132.7) && !tuned(200.0));
     }
 
     #[test]

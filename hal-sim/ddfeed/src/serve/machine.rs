@@ -39,7 +39,7 @@ impl fmt::Display for MachineLine<'_> {
             "current +-{:.3} A; bus {} V; lead {} mm; travel +-{} mm from here to the end switches; \
              load {} N; {brake}; scale {} um a count",
             0.5 * f64::from(current.counts) * current.per_count.abs(),
-            board.bus_v,
+            (1e3 * board.bus_v).round() / 1e3,
             1e3 * model.feed.lead_m,
             0.5e3 * installation.travel_m,
             (1e3 * model.feed.load_n).round() / 1e3,
