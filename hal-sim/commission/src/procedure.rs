@@ -12,6 +12,7 @@ use crate::{
 };
 use anyhow::{Context, Result, bail};
 use link::host::dialogue::Dialogue;
+use link::host::refused::Refused;
 use link::settings::{EncoderDirection, EncoderInterface, Settings};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -242,9 +243,12 @@ pub async fn run<D: Dialogue>(
         let result = match result {
             Ok(result) => result,
             Err(error) => {
-                // The step's own error is the cause.
-                let _ = session.rest().await;
-                return Err(error).context(format!("step `{}`", step.name()));
+                // The step's own error is the cause, but a refusal's is the fault that the drive rests in.
+                let cause = match session.rest().await {
+                    Err(fault) if error.is::<Refused>() => fault,
+                    _ => error,
+                };
+                return Err(cause).context(format!("step `{}`", step.name()));
             }
         };
         done.retain(|done| done.step != step);

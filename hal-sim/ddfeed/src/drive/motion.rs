@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::{Fault, Misalignment, State};
 use link::host::command::{SpeedNames, speeds};
+use link::host::refused::Refused;
 use link::host::status::StatusReport;
 use link::message::{Command, Injected, Injection, Travel};
 use link::settings::Settings;
@@ -122,6 +123,18 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
     }
 }
 
+/// Sends a command to a drive that moved. Where it refuses because a fault has stopped it meanwhile, the fault is the error.
+pub fn tell_on(drive: &mut Drive, command: Command) -> Result<()> {
+    let told = drive.tell(command);
+    if told.as_ref().is_err_and(|error| error.is::<Refused>()) {
+        let seen = look(drive)?;
+        if let Some(State::Fault(fault)) = seen.state {
+            bail!(Stopped(fault, seen.misalignment()));
+        }
+    }
+    told
+}
+
 /// The nut speed that a motion is asked with, rad/s.
 pub fn base(lead: &LeadOptions) -> Option<f64> {
     lead.nut_rpm.map(|rpm| rpm * TAU / 60.0)
@@ -166,7 +179,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     }
     #[allow(clippy::cast_possible_truncation)]
     let asked_nm = (asked_mm * 1e6).round() as i64;
-    drive.tell(match options.to {
+    let command = match options.to {
         Some(_) => Command::MoveTo {
             position_nm: asked_nm,
             velocity,
@@ -177,7 +190,8 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
             velocity,
             base,
         },
-    })?;
+    };
+    drive.tell(command)?;
     let mut ended = None;
     led(drive, &settings, &stop, |seen, _| {
         let travel = seen.travel();

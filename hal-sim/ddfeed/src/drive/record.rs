@@ -1,7 +1,7 @@
 //! `drive record`: the drive's telemetry into a recording.
 
 use super::connect::Drive;
-use super::motion::{BEAT, Stopped, caught, ready, rest, run_at};
+use super::motion::{BEAT, Stopped, caught, ready, rest, run_at, tell_on};
 use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
@@ -175,7 +175,7 @@ fn stream(
         if now >= hold_until
             && let Some(hold) = holds.next()
         {
-            drive.tell(run_at(hold.velocity, Some(hold.base))?)?;
+            tell_on(drive, run_at(hold.velocity, Some(hold.base))?)?;
             hold_until += hold.seconds;
         }
         if !options.hold.is_empty() && drive.now() - beaten > BEAT {

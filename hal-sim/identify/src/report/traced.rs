@@ -228,8 +228,15 @@ fn softer_screw(found: &Found, model: &Model) -> Option<String> {
         return None;
     };
     let softest = stiffness_of_lost_motion(backlash.value, &model.feed)?;
+    let is_guess = model
+        .measured
+        .is_some_and(|measured| measured.feed.is_none());
+    let guess = match is_guess {
+        true => ", which its commissioning did not measure",
+        false => "",
+    };
     Some(format!(
-        "or a screw of at most {:.3} N/um, which friction winds up at a reversal; the model has {:.3} N/um",
+        "or a screw of at most {:.3} N/um, which friction winds up at a reversal; the model has {:.3} N/um{guess}",
         1e-6 * softest,
         1e-6 * model.feed.axial_stiffness_n_per_m
     ))

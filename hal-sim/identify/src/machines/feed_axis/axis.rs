@@ -149,6 +149,8 @@ pub struct Axis {
     pub terms: Vec<(Term, Vec<f64>)>,
     /// Angle of the screw at position 0, rad: the homing, which belongs to a record.
     pub homing: f64,
+    /// Speed over which dry friction turns round, m/s.
+    pub width_m_s: f64,
     /// Travel per turn of the motor, m.
     pub lead_m: f64,
     /// Limit of the controller's output, V.

@@ -2,6 +2,7 @@
 
 use super::axis::{Axis, Term};
 use super::record::Law;
+use super::width::NARROW_M_S;
 use crate::machines::ModelFileError;
 use crate::predict::curve::Over;
 use serde::{Deserialize, Serialize};
@@ -37,6 +38,9 @@ struct Plate {
     /// Periods over which the controller differentiates; without it dq/dt is taken as it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference_periods: Option<usize>,
+    /// Speed over which dry friction turns round; above 0. Without it 0.5 mm/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    friction_width_m_s: Option<f64>,
 }
 
 impl Axis {
@@ -65,9 +69,11 @@ impl Axis {
             .iter()
             .map(|effect| term(effect).map_err(fault))
             .collect::<Result<_, _>>()?;
-        let plate = [axis.mass_kg, axis.lead_m, axis.limit_v];
+        let width_m_s = axis.friction_width_m_s.unwrap_or(NARROW_M_S);
+        let plate = [axis.mass_kg, axis.lead_m, axis.limit_v, width_m_s];
         if !plate.iter().all(|v| v.is_finite() && *v > 0.0) {
-            return Err(fault("mass_kg, lead_m and limit_v must be positive".into()));
+            let names = "mass_kg, lead_m, limit_v and friction_width_m_s";
+            return Err(fault(format!("{names} must be positive")));
         }
         let axis = Axis {
             base: [
@@ -78,6 +84,7 @@ impl Axis {
             ],
             terms,
             homing: 0.0,
+            width_m_s,
             lead_m: axis.lead_m,
             limit_v: axis.limit_v,
             law: axis
@@ -105,6 +112,7 @@ impl Axis {
                     Law::Ideal => None,
                     Law::Difference(periods) => Some(periods),
                 },
+                friction_width_m_s: Some(self.width_m_s).filter(|width| *width != NARROW_M_S),
             },
             effects: self
                 .terms

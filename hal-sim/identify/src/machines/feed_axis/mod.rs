@@ -13,6 +13,7 @@ mod select;
 mod simulate;
 mod stage;
 mod study;
+mod width;
 
 pub use axis::{Axis, Term};
 pub(crate) use record::balance_record;

@@ -197,7 +197,7 @@ impl Axis {
                 }
                 applied += (force - applied) * follow;
                 let level = terms.level(x, v, rub);
-                let way = (v / 5e-4).tanh();
+                let way = (v / self.width_m_s).tanh();
                 let dry = match terms.stiffness {
                     Some(stiffness) => terms.presliding(stiffness, level, v, &mut bristle, dt),
                     None => level * way,
@@ -227,7 +227,7 @@ impl Axis {
     fn measured(&self, x: f64, v: f64, since: f64, theta: f64) -> f64 {
         let of = |(term, values): &(Term, Vec<f64>)| match *term {
             Term::Measured { over, range, .. } => {
-                let way = (v / 5e-4).tanh();
+                let way = (v / self.width_m_s).tanh();
                 let at = |coordinate: f64| between(values, range, coordinate);
                 match over {
                     Over::Speed => at(v),

@@ -6,6 +6,7 @@ use super::left::{remnants, unsound};
 use super::record::{Law, Record};
 use super::select::{Trial, corrections, tried};
 use super::stage::{Errors, Stage};
+use super::width::of_best_width;
 use crate::conclusion::rest::Remnant;
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::{butterworth_100, decimated};
@@ -294,6 +295,7 @@ impl Study {
             stages.push(records.stage(added, axis.clone()));
         }
         let axis = fitted(&axis, estimate, Free::Model, &rows);
+        let axis = of_best_width(&axis, estimate, &rows);
         stages.push(records.stage("mass and friction fitted".into(), axis.clone()));
         let refitted = stages.len() - 1;
         let lap_to_lap_n = lap_to_lap(estimate);
