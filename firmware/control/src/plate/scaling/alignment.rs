@@ -3,7 +3,7 @@
 use super::{attempt, positive, profile, within};
 use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, SpeedGain, Voltage, quantise};
 use crate::current::encoder::Interface;
-use crate::plate::{DrivePlate, MotorPlate, Tuning};
+use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::alignment::swing::FULL;
 use crate::speed::alignment::{
     AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, RotorSwing, SwingConfig, WiringConfig,
@@ -52,10 +52,6 @@ const ALONG: f64 = 0.9;
 const ALONG_LEAST: f64 = 0.74;
 /// Part of the speed loop's cutoff with which a rotor catches up.
 const CATCH_UP: f64 = 0.25;
-/// Cutoff of the speed loops that alignment has at least, rad/s, where the observer is so many times as fast. Of 100 starts of the NUCLEO
-/// board with loops of 133 rad/s five failed, with 200 none.
-const ALIGNING_RAD_S: f64 = 200.0;
-const OBSERVER_OF_SPEED: f64 = 5.0;
 /// Seconds that it waits for a rotor that is held, before it turns round.
 const SWING_WAITS_S: f64 = 100e-3;
 /// Seconds in which the torque of a rotor that friction holds grows from none to its limit.
@@ -109,11 +105,13 @@ impl DrivePlate {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub(super) const fn alignment(
         &self,
+        speed_loops: &[SpeedLoopConfig; 2],
         coordinator: &CoordinatorConfig,
     ) -> Result<AlignmentConfig, Misfit> {
         let (plate, step) = (&self.alignment, self.speed_step());
         let [screw, nut] = &self.motors;
         let (screw_nm, nut_nm) = (screw.alignment_torque_nm, nut.alignment_torque_nm);
+        let [screw_loop, nut_loop] = speed_loops;
         let travel = plate.travel_m / self.feed.lead_m;
         attempt!(within("alignment's travel", "turns", travel, 1e-4, 0.1));
         let speed = plate.speed_rpm * TAU / 60.0;
@@ -136,12 +134,11 @@ impl DrivePlate {
             nut.pole_pairs
         };
         let swing = SWING / most as f64;
-        let tuning = self.aligning();
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, &tuning, swing, speed)),
-                attempt!(self.motor_alignment(nut, &tuning, swing, speed)),
+                attempt!(self.motor_alignment(screw, *screw_loop, swing, speed)),
+                attempt!(self.motor_alignment(nut, *nut_loop, swing, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -208,11 +205,10 @@ impl DrivePlate {
     const fn motor_alignment(
         &self,
         motor: &MotorPlate,
-        tuning: &Tuning,
+        speed_loop: SpeedLoopConfig,
         swing: f64,
         speed: f64,
     ) -> Result<MotorAlignment, Misfit> {
-        let speed_loop = attempt!(motor.speed_loop_of(self, tuning));
         let torque_nm = motor.alignment_torque_nm;
         attempt!(positive("alignment's torque", "N m", torque_nm));
         attempt!(within(
@@ -252,11 +248,7 @@ impl DrivePlate {
                 i_max: limit_current,
                 ..speed_loop
             },
-            swing: attempt!(self.rotor_swing(
-                motor,
-                [tuning.speed_rad_s, swing, limit],
-                speed_loop
-            )),
+            swing: attempt!(self.rotor_swing(motor, speed_loop, swing, limit)),
             resistance: Current::from_bits(attempt!(quantise(
                 "resistance",
                 "ohm",
@@ -284,27 +276,13 @@ impl DrivePlate {
         })
     }
 
-    /// The loops while rotors are found: at least as fast as the observer allows, up to [`ALIGNING_RAD_S`]. Slower ones do not break a rotor
-    /// away in time, or let go of the table.
-    const fn aligning(&self) -> Tuning {
-        let fast = self.tuning.observer_rad_s / OBSERVER_OF_SPEED;
-        let fast = if fast < ALIGNING_RAD_S {
-            fast
-        } else {
-            ALIGNING_RAD_S
-        };
-        Tuning {
-            speed_rad_s: greater(self.tuning.speed_rad_s, fast),
-            ..self.tuning
-        }
-    }
-
-    /// How a motor swings, with speed loops of a `cutoff`; `swing` is how far, in turns, and `limit` its torque limit, A.
+    /// How a motor swings; `swing` is how far, in turns, and `limit` its torque limit, A.
     const fn rotor_swing(
         &self,
         motor: &MotorPlate,
-        [cutoff, swing, limit]: [f64; 3],
         speed_loop: SpeedLoopConfig,
+        swing: f64,
+        limit: f64,
     ) -> Result<RotorSwing, Misfit> {
         let pole_pairs = motor.pole_pairs as f64;
         let across = ACROSS * SWING / (swing * pole_pairs);
@@ -315,7 +293,7 @@ impl DrivePlate {
         };
         let more = (across - ACROSS) / (ACROSS_MOST - ACROSS);
         let along = ALONG + more * (ALONG_LEAST - ALONG);
-        let catch_up = CATCH_UP * cutoff * TAU * pole_pairs;
+        let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         // A a second per electrical rad/s; a loop without an integral has none.
         let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / self.speed_step();
         let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;

@@ -98,7 +98,7 @@ impl DrivePlate {
             current_loops,
             speed_loops,
             coordinator,
-            alignment: attempt!(self.alignment(&coordinator)),
+            alignment: attempt!(self.alignment(&speed_loops, &coordinator)),
             runaway: attempt!(self.runaways()),
             heat: attempt!(self.heats()),
             regeneration: attempt!(self.regenerations()),
@@ -139,7 +139,7 @@ impl DrivePlate {
         put(current_loops, || self.current_loops())?;
         put(speed_loops, || self.speed_loops())?;
         put(coordinator, || self.coordinator())?;
-        put(alignment, || self.alignment(coordinator))?;
+        put(alignment, || self.alignment(speed_loops, coordinator))?;
         put(runaway, || self.runaways())?;
         put(heat, || self.heats())?;
         put(regeneration, || self.regenerations())?;
@@ -170,7 +170,7 @@ impl DrivePlate {
         self.bounds()?;
         put(speed_loops, || self.speed_loops())?;
         put(coordinator, || self.coordinator())?;
-        put(alignment, || self.alignment(coordinator))?;
+        put(alignment, || self.alignment(speed_loops, coordinator))?;
         put(compensation, || self.compensation())?;
         put(friction, || self.friction())
     }

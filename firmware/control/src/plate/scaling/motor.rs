@@ -234,16 +234,7 @@ impl MotorPlate {
     /// # Errors
     /// [`Misfit`] if a number does not fit its format.
     pub const fn speed_loop(&self, drive: &DrivePlate) -> Result<SpeedLoopConfig, Misfit> {
-        self.speed_loop_of(drive, &drive.tuning)
-    }
-
-    /// The same of another tuning.
-    pub(super) const fn speed_loop_of(
-        &self,
-        drive: &DrivePlate,
-        tuning: &Tuning,
-    ) -> Result<SpeedLoopConfig, Misfit> {
-        let gains = self.gains(tuning);
+        let gains = self.gains(&drive.tuning);
         let step = drive.speed_step();
         let pole_pairs = self.pole_pairs as f64;
         let torque_constant = pole_pairs * self.flux_wb;
