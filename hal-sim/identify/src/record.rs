@@ -172,19 +172,7 @@ fn origin_within(balance: &Balance) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balance::Rounding;
     use plant::recording::Sample;
-
-    const ASSUMED: Assumed = Assumed {
-        rounding: Rounding {
-            bearing: 0.0,
-            pair: 0.0,
-            guideway: 0.0,
-        },
-        resonance_hz: None,
-        damping: 0.02,
-        lags: [0.0; 2],
-    };
 
     /// Of a table that moves by `sunk_m` within 10 ms on shafts that rest, on a screw that the load bends by `sag_m`.
     fn within(sag_m: f64, sunk_m: f64) -> f64 {
@@ -202,7 +190,7 @@ mod tests {
             });
         }
         let record = Record::new(&recording, &model);
-        origin_within(&record.balance_with(&model, ASSUMED))
+        origin_within(&record.balance_with(&model, Assumed::PLAIN))
     }
 
     /// A table that sank by 60 um later was a play of 145 um: its first row was taken for that of a relaxed spring.

@@ -76,6 +76,21 @@ pub struct Assumed {
     pub lags: [f64; 2],
 }
 
+#[cfg(test)]
+impl Assumed {
+    /// Hard signs, the declared screw, and a scale that is read with the angles.
+    pub(crate) const PLAIN: Assumed = Assumed {
+        rounding: Rounding {
+            bearing: 0.0,
+            pair: 0.0,
+            guideway: 0.0,
+        },
+        resonance_hz: None,
+        damping: 0.02,
+        lags: [0.0; 2],
+    };
+}
+
 /// The screw as a spring under the table.
 struct Spring {
     /// Static stiffness, N/m.

@@ -63,22 +63,11 @@ fn share_of_greatest(curve: &Learned, balance: &Balance) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balance::{Assumed, Rounding};
+    use crate::balance::Assumed;
     use crate::record::Record;
     use plant::effects::{EffectModel, Measured, MeasuredOver, Quantity};
     use plant::model::Model;
     use plant::recording::{Recording, Sample};
-
-    const ASSUMED: Assumed = Assumed {
-        rounding: Rounding {
-            bearing: 0.0,
-            pair: 0.0,
-            guideway: 0.0,
-        },
-        resonance_hz: None,
-        damping: 0.02,
-        lags: [0.0; 2],
-    };
 
     /// Both motors at rest with 1 A of q current: the rotor's angle is 0, so that phase a has none of it.
     fn at_rest(model: &Model) -> Recording {
@@ -114,7 +103,7 @@ mod tests {
     fn a_curve_is_refused_that_no_motor_can_make() {
         let model = Model::coupled();
         let record = Record::new(&at_rest(&model), &model);
-        let balance = record.balance_with(&model, ASSUMED);
+        let balance = record.balance_with(&model, Assumed::PLAIN);
         for (place, axis, unit) in [
             (Place::Screw, Axis::Screw, 1.0),
             (Place::Nut, Axis::Nut, 1.0),
