@@ -128,6 +128,24 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 }
 
+impl Axis {
+    /// Force that is measured less simulated, after the 100 Hz filter, N; 0 at the record's ends.
+    pub fn left(&self, record: &Record) -> Vec<f64> {
+        let simulated = butterworth_100(&self.simulate(record).force, record.rate);
+        let measured = butterworth_100(&record.force(), record.rate);
+        let inside = MARGIN..record.len() - MARGIN;
+        (0..record.len())
+            .map(|k| {
+                if inside.contains(&k) {
+                    measured[k] - simulated[k]
+                } else {
+                    0.0
+                }
+            })
+            .collect()
+    }
+}
+
 /// The parameters with the `k`th a little further, and by how much: a difference quotient's step.
 pub(super) fn beside(parameters: &[f64], k: usize) -> (Vec<f64>, f64) {
     let mut beside = parameters.to_vec();

@@ -354,22 +354,6 @@ impl Study {
 }
 
 impl Axis {
-    /// Force that is measured less simulated, after the 100 Hz filter, N; 0 at the record's ends.
-    pub fn left(&self, record: &Record) -> Vec<f64> {
-        let simulated = butterworth_100(&self.simulate(record).force, record.rate);
-        let measured = butterworth_100(&record.force(), record.rate);
-        let inside = MARGIN..record.len() - MARGIN;
-        (0..record.len())
-            .map(|k| {
-                if inside.contains(&k) {
-                    measured[k] - simulated[k]
-                } else {
-                    0.0
-                }
-            })
-            .collect()
-    }
-
     /// Whether some of its force repeats with the screw.
     fn repeats(&self) -> bool {
         self.terms

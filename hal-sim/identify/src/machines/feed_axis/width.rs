@@ -1,9 +1,8 @@
-//! Over what speed dry friction turns round: a nuisance. No record starts without one, and it differs from axis to axis by a hundred times.
+//! Speed over which dry friction turns round: a nuisance. It differs from axis to axis by a hundred times.
 
 use super::axis::Axis;
 use super::fit::{Free, fitted};
 use super::record::Record;
-use crate::signal::filter::butterworth_100;
 use crate::signal::fourier::slope;
 use crate::signal::signals::mean_square;
 
@@ -20,12 +19,7 @@ const MATERIAL: f64 = 0.03;
 
 /// The model with the width with which it follows the record best, refitted; the narrowest where another is no better.
 pub(super) fn of_best_width(axis: &Axis, record: &Record, rows: &[usize]) -> Axis {
-    let measured = butterworth_100(&record.force(), record.rate);
-    let error = |axis: &Axis| {
-        let force = butterworth_100(&axis.simulate(record).force, record.rate);
-        let left: Vec<f64> = rows.iter().map(|&k| measured[k] - force[k]).collect();
-        mean_square(&left).sqrt()
-    };
+    let error = |axis: &Axis| mean_square(&axis.left(record)).sqrt();
     let speeds = slope(&record.reference, record.rate);
     let top = speeds.iter().fold(0.0_f64, |top, v| top.max(v.abs()));
     let widths = std::iter::successors(Some(WIDER * NARROW_M_S), |width| Some(WIDER * width));
