@@ -8,6 +8,9 @@ use std::sync::Arc;
 /// One-sided spectrum of a padded record, up to the Nyquist frequency of the decimated rate.
 pub type Spectrum = Vec<Complex64>;
 
+/// How far a low-pass filter reaches above its bandwidth.
+pub(crate) const EDGE: f64 = 1.4;
+
 thread_local! {
     static PLANNER: RefCell<Planner> = RefCell::new(Planner::new());
 }
@@ -158,19 +161,23 @@ impl Fourier {
         self.filtered(&spectrum, gain)
     }
 
-    /// A record without what is above `hz` (a raised-cosine edge from `hz` to `1.4 hz`), at the full rate.
+    /// A record without what is above `hz` (a raised-cosine edge from `hz` to [`EDGE`] times that), at the full rate.
     pub fn low_pass(&self, signal: &[f64], hz: f64) -> Vec<f64> {
-        let spectrum = self.spectrum(signal);
+        self.low_pass_of(&self.spectrum(signal), hz)
+    }
+
+    /// The same of a record's spectrum.
+    pub(crate) fn low_pass_of(&self, spectrum: &[Complex64], hz: f64) -> Vec<f64> {
         let mut shaped = self.full.make_input_vec();
         for (bin, value) in spectrum.iter().enumerate() {
-            shaped[bin] = value * edge(self.hz(bin), hz, 1.4 * hz);
+            shaped[bin] = value * edge(self.hz(bin), hz, EDGE * hz);
         }
         shaped[0].im = 0.0;
         let mut out = self.full.make_output_vec();
         self.full
             .process(&mut shaped, &mut out)
             .expect("lengths of the plan");
-        out.truncate(signal.len());
+        out.truncate(self.rows);
         let scale = 1.0 / self.padded as f64;
         out.iter_mut().for_each(|x| *x *= scale);
         out

@@ -7,7 +7,7 @@
 //! modulation does. Counting the smooth motion once more shows those. It cannot show a line that is slow enough to be part of
 //! the smooth motion, which the speeds show.
 
-use crate::signal::fourier::Fourier;
+use crate::signal::fourier::{EDGE, Fourier};
 use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::recount::{PHASES, saw_tooth};
 use std::f64::consts::{PI, TAU};
@@ -17,8 +17,6 @@ const HARMONICS: usize = 8;
 /// Half the width of a line of an even speed in a hold of half a second, Hz: a hold of `T` seconds leaks as a Lorentzian of the half width
 /// `1 / (2 pi T)` does.
 const LINE_HZ: f64 = 0.3;
-/// How far a low-pass filter reaches above its bandwidth.
-const EDGE: f64 = 1.4;
 /// Width of a cell of the sum over rows, Hz.
 const CELL_HZ: f64 = 0.25;
 /// How far a line's skirt is followed, half widths: beyond it 1 % of its power is left.
@@ -45,7 +43,8 @@ pub(crate) fn density(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) 
 
 /// The speeds, and those to [`EVEN_HZ`], each to a bandwidth in each row that the lines of the rounding are above.
 fn without_lines(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> [Vec<f64>; 2] {
-    let below = BELOW_HZ.map(|hz| fourier.low_pass(omega, hz));
+    let spectrum = fourier.spectrum(omega);
+    let below = BELOW_HZ.map(|hz| fourier.low_pass_of(&spectrum, hz));
     let slowest = BELOW_HZ.len() - 1;
     let even = BELOW_HZ.iter().position(|hz| *hz == EVEN_HZ);
     let even = even.unwrap_or(slowest);

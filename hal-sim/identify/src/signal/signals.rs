@@ -2,7 +2,7 @@
 
 use crate::machines::Machine;
 use crate::signal::along::{Along, Factor};
-use crate::signal::fourier::{ABOVE_NOISE, CLEAR, Fourier, Spectrum, slope};
+use crate::signal::fourier::{ABOVE_NOISE, CLEAR, EDGE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
 use crate::signal::quantile::quantile_of_sizes;
 use crate::signal::rounding;
@@ -19,7 +19,7 @@ pub const SPEED_BANDWIDTH_HZ: f64 = 200.0;
 pub const CURRENT_BANDWIDTH_HZ: f64 = 400.0;
 
 /// Above it neither smoothed currents nor what follows speeds and positions have content, Hz.
-pub const SMOOTH_HZ: f64 = 1.4 * CURRENT_BANDWIDTH_HZ;
+pub const SMOOTH_HZ: f64 = EDGE * CURRENT_BANDWIDTH_HZ;
 
 /// Speeds below which friction may stick and the torque balance says nothing, rad/s.
 pub(crate) const STICKING_RAD_S: f64 = 0.5;
