@@ -179,7 +179,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     }
     #[allow(clippy::cast_possible_truncation)]
     let asked_nm = (asked_mm * 1e6).round() as i64;
-    let command = match options.to {
+    drive.tell(match options.to {
         Some(_) => Command::MoveTo {
             position_nm: asked_nm,
             velocity,
@@ -190,8 +190,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
             velocity,
             base,
         },
-    };
-    drive.tell(command)?;
+    })?;
     let mut ended = None;
     led(drive, &settings, &stop, |seen, _| {
         let travel = seen.travel();

@@ -27,10 +27,10 @@ pub enum Parameter {
     },
     /// How much of a measured curve, by its number, the record has: 1 as it was learnt.
     Curve(usize),
-    /// Rounding of an encoder in the speed at an end of a record, as a share of a count a row. A record's second derivative ends there, and
-    /// the rounding that nothing continues is a step of the speed: at low frequencies it is far more than that of the rows between
-    /// (Pintelon and Schoukens, *System Identification: A Frequency Domain Approach*, 2012, section 6.3.2: transients are polynomials of the
-    /// frequency).
+    /// Rounding of an encoder in the speed at an end of a record, as a share of a count a row. A record's second derivative ends there, so
+    /// the rounding of its last rows is a step of the speed. At low frequencies that is far more than the rounding of the rows between.
+    /// A transient of a record's ends is a polynomial of the frequency (Pintelon and Schoukens, *System Identification: A Frequency Domain
+    /// Approach*, 2012, section 6.3.2).
     EndSpeed {
         /// Of which motor.
         axis: Axis,
@@ -170,8 +170,8 @@ impl Parameter {
     }
 
     /// How far the parameter may lie from its declared value: the tolerance of plate values (3 % of resistance,
-    /// inductance, inertia; 1 % of flux; 20 % of friction), with a tenth more for what the record adds. A plate that says 20 % less than
-    /// there is has a quarter more to come.
+    /// inductance, inertia; 1 % of flux; 20 % of friction), with a tenth more for what the record adds. A friction that is declared
+    /// 20 % too small is a quarter larger than declared.
     fn bound(self) -> f64 {
         match self {
             Parameter::Motor(_, which) => match which {
