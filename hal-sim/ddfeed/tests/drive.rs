@@ -542,9 +542,14 @@ fn one_motor_turns_while_the_other_rests() {
     // A quarter of a turn of 5 mm.
     let before = number(&served.status()["table"]["position_mm"]);
     let said = served.printed(&["turn", "--angle", "-90", "--arm"]);
-    assert!(said.contains("moved -1.2"), "{said}");
+    let moved: f64 = said
+        .split_once("moved ")
+        .and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok())
+        .unwrap_or_else(|| panic!("{said}"));
+    assert!((moved + 1.25).abs() < 0.005, "{moved} mm");
+    // The motors no longer carry the load once their bridges are open: friction springs back by 2 to 24 um, before and after.
     let moved = number(&served.status()["table"]["position_mm"]) - before;
-    assert!((moved + 1.25).abs() < 0.02, "{moved} mm");
+    assert!((moved + 1.25).abs() < 0.05, "{moved} mm");
     for (code, arguments, expected) in [
         (
             1,

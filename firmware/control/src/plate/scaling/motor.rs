@@ -270,7 +270,7 @@ impl MotorPlate {
 
     /// Half of the slack at rest. A fine encoder needs none: the answer to its count is less than friction.
     #[allow(clippy::cast_possible_truncation)]
-    const fn slack(&self, drive: &DrivePlate, k_pw: f64) -> i32 {
+    pub(super) const fn slack(&self, drive: &DrivePlate, k_pw: f64) -> i32 {
         let counts = self.encoder.counts_per_turn as f64;
         let pole_pairs = self.pole_pairs as f64;
         let speed = COUNT_SPEED * drive.tuning.observer_rad_s * TAU / counts;
