@@ -120,9 +120,10 @@ impl<'a> Traced<'a> {
         let whitener = case.whitener(&self.noise);
         let normal = case.search(&whitener, &self.progress.found).normal;
         let white = normal.residual(&normal.solve(None).values);
+        let alone = self.progress.found.is_empty();
         Axis::ALL.into_iter().map(Channel::Torque).any(|channel| {
             let band = judged_hz(channel, &self.noise);
-            !level(&case, &whitener, &white, channel, band).quiet()
+            !level(&case, &whitener, &white, (channel, alone), band).quiet()
         })
     }
 

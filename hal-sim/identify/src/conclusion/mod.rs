@@ -436,6 +436,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
         cases: [case, check],
         whiteners: [&whitener, &of_check],
         white: [&white, &fixed.white],
+        alone: found.is_empty(),
     };
     let machine = case.balance.signals.machine;
     let doubts = progress.doubtful.iter();

@@ -27,12 +27,13 @@ pub(crate) fn judged_hz(channel: Channel, noise: &Noise) -> [f64; 2] {
     [from, noise.top(channel)]
 }
 
-/// How loud a channel of a whitened residual is in a band, Hz. A table beside a motor that rests is judged by its power alone.
+/// How loud a channel of a whitened residual is in a band, Hz, beside effects or `alone`. A table beside a motor that rests is judged by its
+/// power alone.
 pub(crate) fn level(
     case: &Case,
     whitener: &Whitener,
     white: &Column,
-    channel: Channel,
+    (channel, alone): (Channel, bool),
     band: [f64; 2],
 ) -> Level {
     let rate = case.balance.signals.rate / case.balance.fourier.step() as f64;
@@ -50,7 +51,7 @@ pub(crate) fn level(
         }
     }
     let gain = whitener.gain(channel);
-    let expected = |hz| case.declared.power(channel, hz, case.balance.fourier, gain);
+    let expected = |hz| (case.declared).power((channel, alone), hz, case.balance.fourier, gain);
     let level = Level::new(
         channel,
         &turning,
@@ -201,9 +202,11 @@ impl Fixed {
         let whitener = check.whitener(noise);
         let in_units = |residual: &Contribution| in_units(residual, check, noise);
         let levels = |white: &Column| -> Vec<Level> {
-            let each = Channel::ALL.into_iter();
-            each.map(|channel| level(check, &whitener, white, channel, judged_hz(channel, noise)))
-                .collect()
+            let of = |channel| {
+                let judged = judged_hz(channel, noise);
+                level(check, &whitener, white, (channel, found.is_empty()), judged)
+            };
+            Channel::ALL.into_iter().map(of).collect()
         };
         let left = |values, effects| left([case, check], &whitener, values, effects);
         let (before, after) = (left(plain, &[]), left(full, found));

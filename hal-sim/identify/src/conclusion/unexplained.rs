@@ -9,6 +9,7 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::regression::column::Column;
 use crate::regression::design::Whitener;
+use crate::regression::gain::Gain;
 use crate::search::case::Case;
 use crate::search::progress::Doubt;
 use crate::search::select::Trial;
@@ -33,6 +34,8 @@ pub(crate) struct Left<'a> {
     pub(crate) cases: [&'a Case<'a>; 2],
     pub(crate) whiteners: [&'a Whitener<'a>; 2],
     pub(crate) white: [&'a Column; 2],
+    /// No effects were found.
+    pub(crate) alone: bool,
 }
 
 impl Left<'_> {
@@ -79,7 +82,13 @@ impl Left<'_> {
             .map(|whitener| whitener.rows(loud.channel).max(1) as f64);
         let power = |k: usize| values[k].iter().map(|x| x * x).sum::<f64>() / rows[k];
         let ([case, _], [whitener, _], [white, _]) = (self.cases, self.whiteners, self.white);
-        let of_fit = level(case, whitener, white, loud.channel, loud.band_hz);
+        let of_fit = level(
+            case,
+            whitener,
+            white,
+            (loud.channel, self.alone),
+            loud.band_hz,
+        );
         let excess = [of_fit.excess, loud.levels[1].excess];
         // What is no excess in any band is the floor.
         let floor = [0, 1].map(|k| (power(k) - excess[k] / rows[k]).max(0.0).sqrt());
@@ -144,8 +153,8 @@ pub(crate) fn unexplained(
     channels: &[ChannelRest],
 ) -> Vec<Unexplained> {
     let ([case, _], [whitener, _]) = (left.cases, left.whiteners);
-    let describe = |hypothesis: &Hypothesis, values: &[f64], reason| {
-        described(case, whitener, hypothesis, values, reason)
+    let describe = |hypothesis: &Hypothesis, values: &[f64], gain, reason| {
+        described(case, whitener, (hypothesis, values), gain, reason)
     };
     let unnamed = found
         .iter()
@@ -154,6 +163,7 @@ pub(crate) fn unexplained(
             let told = describe(
                 hypothesis,
                 values,
+                None,
                 "both records have it, and no hypothesis explains as much",
             );
             (told.fall, told)
@@ -166,7 +176,7 @@ pub(crate) fn unexplained(
         .iter()
         .map(|doubt| {
             let Trial { hypothesis, gain } = &doubt.trial;
-            let left = describe(hypothesis, &gain.values, doubt.reason);
+            let left = describe(hypothesis, &gain.values, Some(gain), doubt.reason);
             (doubt.likeness, left)
         })
         .filter(|(likeness, left)| {
@@ -179,7 +189,13 @@ pub(crate) fn unexplained(
         .map(|(_, left)| left)
         .take(LISTED);
     let is_loud = |rest: &&ChannelRest| {
-        let of_fit = level(case, whitener, left.white[0], rest.channel, rest.band_hz);
+        let of_fit = level(
+            case,
+            whitener,
+            left.white[0],
+            (rest.channel, left.alone),
+            rest.band_hz,
+        );
         let beyond = of_fit.power - 1.0;
         let share = (rest.figures.fit_after / rest.figures.fit_before).powi(2);
         !rest.levels[1].quiet() || beyond > TOO_LOUD && share > MOST_LEFT
@@ -201,12 +217,13 @@ pub(crate) fn unexplained(
     list
 }
 
-/// What a hypothesis looks like in the channel that shows it most.
+/// What a hypothesis with its values looks like in the channel that shows it most. With its gain, its size is that of the part which plate
+/// values within their tolerance cannot take over.
 fn described(
     case: &Case,
     whitener: &Whitener,
-    hypothesis: &Hypothesis,
-    values: &[f64],
+    (hypothesis, values): (&Hypothesis, &[f64]),
+    gain: Option<&Gain>,
     reason: &'static str,
 ) -> Unexplained {
     let balance = case.balance;
@@ -225,11 +242,12 @@ fn described(
         .max_by(|a, b| power(*a).total_cmp(&power(*b)))
         .unwrap_or(Channel::Table);
     let shown = whole.0.iter().find(|(known, _)| *known == channel);
+    let own = gain.map_or(1.0, |gain| gain.own_part(&white));
     let size = shown.map_or(0.0, |(_, spectrum)| {
         let signal = balance
             .fourier
             .filtered(spectrum, &vec![1.0; spectrum.len()]);
-        crate::conclusion::remains::rms(&signal, whitener.mask(channel))
+        own * crate::conclusion::remains::rms(&signal, whitener.mask(channel))
     });
     let along = along(hypothesis);
     let order = order(case, hypothesis);

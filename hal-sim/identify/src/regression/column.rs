@@ -44,6 +44,12 @@ impl Column {
         self
     }
 
+    /// Sum of squares over all channels.
+    pub(crate) fn power(&self) -> f64 {
+        let parts = self.parts.iter().flatten();
+        parts.map(|part| dot(part, part)).sum()
+    }
+
     /// What of it `values` times `columns` leave.
     pub(crate) fn less<'a>(
         &self,

@@ -14,6 +14,15 @@ pub struct Gain {
     pub values: Vec<f64>,
 }
 
+impl Gain {
+    /// Part of a candidate's rms that the parameters which are there cannot take over; `whole` is the candidate with its values.
+    pub(crate) fn own_part(&self, whole: &Column) -> f64 {
+        (self.fall / whole.power().max(f64::MIN_POSITIVE))
+            .clamp(0.0, 1.0)
+            .sqrt()
+    }
+}
+
 impl Normal {
     /// Gram matrix and right-hand side of candidate columns, less what the columns that are there can do as well; and
     /// the candidates' own weights before that.

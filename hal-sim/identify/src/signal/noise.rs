@@ -17,7 +17,8 @@ const BELOW_RESONANCE: f64 = 0.6;
 /// Share of a motor's torque or voltage, rms, below which nothing has a name: friction alone repeats less well from run to run.
 pub(crate) const SHARE_OF_DRIVE: f64 = 0.002;
 /// Share of a motor's torque, rms, and of its voltage, below which a residual counts as nothing. The rest of an effect that was taken
-/// for another is larger.
+/// for another is larger. Without effects [`SHARE_OF_DRIVE`] counts as nothing in a torque and in the d voltage. There an angle of an encoder
+/// that is wrong by 0.1 electrical degrees makes as much of the back EMF.
 const SMALL_TORQUE: f64 = 0.001;
 const SMALL_VOLTAGE: f64 = 0.000_5;
 /// Damping ratio below which the filter that makes noise white would ring beyond the margin of the rows that do not count.
@@ -44,8 +45,8 @@ pub struct Noise {
     /// Power that the sensors have in each bin, of that density. It differs from 1 where an encoder turns evenly: its rounding is
     /// a few lines, and nothing beside them. A filter as narrow as lines would ring, so they do not whiten.
     lines: [Vec<f64>; Channel::COUNT],
-    /// Rms of a residual that counts as nothing, in the channel's unit.
-    small: [f64; Channel::COUNT],
+    /// Rms of what drives the channel, in its unit.
+    drive: [f64; Channel::COUNT],
     /// Frequency up to which a channel is used, Hz.
     top: [f64; Channel::COUNT],
 }
@@ -159,7 +160,7 @@ impl Noise {
         Noise {
             density,
             lines,
-            small: Channel::ALL.map(|channel| small_rms(model, signals, channel)),
+            drive: Channel::ALL.map(|channel| drive_rms(model, signals, channel)),
             top,
         }
     }
@@ -174,10 +175,11 @@ impl Noise {
         &self.density[channel.index()]
     }
 
-    /// Power between two frequencies of a spectrum, Hz, after a whitening by `gain`. The sensors' is at least that of white noise.
+    /// Power between two frequencies of a spectrum, Hz, after a whitening by `gain`. The sensors' is at least that of white noise. `alone`: no
+    /// effects were found.
     pub(crate) fn power(
         &self,
-        channel: Channel,
+        (channel, alone): (Channel, bool),
         [from, to]: [f64; 2],
         fourier: &Fourier,
         gain: &[f64],
@@ -195,7 +197,7 @@ impl Noise {
         let floor = density / (fourier.bins() * fourier.step()) as f64;
         BandPower {
             sensors: (sensors / bins).max(1.0),
-            small: self.small[index].powi(2) / floor.max(LEAST),
+            small: (small_share(channel, alone) * self.drive[index]).powi(2) / floor.max(LEAST),
         }
     }
 
@@ -317,11 +319,16 @@ pub(crate) fn torque_of_angle(
 
 /// Rms of a residual that counts as nothing, in its channel's unit; 0 of the table's position.
 pub(crate) fn small_rms(model: &Model, signals: &Signals, channel: Channel) -> f64 {
-    let share = match channel {
-        Channel::Torque(_) => SMALL_TORQUE,
+    small_share(channel, true) * drive_rms(model, signals, channel)
+}
+
+/// Share of what drives a channel, rms, that counts as nothing: beside no effects (`alone`), or beside some.
+pub(crate) fn small_share(channel: Channel, alone: bool) -> f64 {
+    match (channel, alone) {
+        (Channel::Torque(_) | Channel::VoltageD(_), true) => SHARE_OF_DRIVE,
+        (Channel::Torque(_), false) => SMALL_TORQUE,
         _ => SMALL_VOLTAGE,
-    };
-    share * drive_rms(model, signals, channel)
+    }
 }
 
 /// Rms of what drives a channel: a motor's torque, N m, or its voltage, V; 0 of the table's position.

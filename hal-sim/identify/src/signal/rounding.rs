@@ -24,8 +24,14 @@ const SKIRT: f64 = 60.0;
 
 /// Bandwidth of the speeds that say where a line is, Hz.
 const EVEN_HZ: f64 = 20.0;
-/// Bandwidths of speeds without a line, Hz: a line that is among them would smear itself. The last says where the line is.
-const BELOW_HZ: [f64; 7] = [200.0, 100.0, 40.0, EVEN_HZ, 8.0, 3.0, 1.2];
+/// Bandwidths of speeds without a line, Hz: a line that is among them would smear itself. They are close together, as a speed's ripple that
+/// is left out moves the line. The last says where the line
+/// is, beside [`WINDOWS_S`].
+const BELOW_HZ: [f64; 16] = [
+    200.0, 140.0, 100.0, 70.0, 50.0, 35.0, 26.0, EVEN_HZ, 14.0, 10.0, 7.0, 5.0, 3.5, 2.5, 1.7, 1.2,
+];
+/// Widths of the windows whose mean speeds also say where a line is, s: the slowest speeds of a hold know those before and after it.
+const WINDOWS_S: [f64; 2] = [0.2, 0.8];
 /// Harmonics of the saw tooth that are kept out of the speeds: the next has a fiftieth of its power.
 const KEPT_OUT: usize = 4;
 
@@ -48,9 +54,13 @@ fn without_lines(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> [V
     let slowest = BELOW_HZ.len() - 1;
     let even = BELOW_HZ.iter().position(|hz| *hz == EVEN_HZ);
     let even = even.unwrap_or(slowest);
-    let rows = below[slowest].iter().enumerate().map(|(row, speed)| {
-        let crossed = f64::from(counts) * speed.abs() / TAU;
-        let lines = (1..=KEPT_OUT).map(|k| folded(k as f64 * crossed, rate));
+    let means = WINDOWS_S.map(|seconds| means(omega, (seconds * rate) as usize));
+    let rows = below[slowest].iter().enumerate().map(|(row, slow)| {
+        let speeds = means.iter().map(|means| means[row]).chain([*slow]);
+        let lines = speeds.flat_map(|speed| {
+            let crossed = f64::from(counts) * speed.abs() / TAU;
+            (1..=KEPT_OUT).map(move |k| folded(k as f64 * crossed, rate))
+        });
         let line = lines.fold(f64::INFINITY, f64::min);
         let is_below = |hz: &f64| EDGE * hz < line;
         let own = BELOW_HZ.iter().position(is_below).unwrap_or(slowest);
@@ -58,6 +68,23 @@ fn without_lines(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> [V
     });
     let (smooth, even) = rows.unzip();
     [smooth, even]
+}
+
+/// Mean over as many rows as lie around each row, fewer at the ends.
+fn means(values: &[f64], rows: usize) -> Vec<f64> {
+    let mut sum = 0.0;
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(values.iter().map(|value| {
+            sum += value;
+            sum
+        }))
+        .collect();
+    let around = |row: usize| {
+        let from = row.saturating_sub(rows / 2);
+        let to = (row + rows / 2 + 1).min(values.len());
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(around).collect()
 }
 
 /// Where a record of a rate has a wave of a frequency, Hz.
@@ -213,7 +240,7 @@ mod tests {
     #[test]
     fn the_density_is_where_counted_angles_have_their_power() {
         type Speed = fn(f64) -> f64;
-        let cases: [(&str, u32, Speed); 7] = [
+        let cases: [(&str, u32, Speed); 8] = [
             ("even", 131_072, |_| 54.66),
             ("slow", 4000, |_| 0.37),
             ("waves", 131_072, |t| 40.0 + 0.02 * (TAU * 7.0 * t).sin()),
@@ -221,6 +248,10 @@ mod tests {
             ("a line at 98 Hz", 4096, |_| 6.0196 * RATE * TAU / 4096.0),
             ("a line at 27 Hz", 4096, |_| 31.9946 * RATE * TAU / 4096.0),
             ("a line at 8 Hz", 4096, |_| 18.0016 * RATE * TAU / 4096.0),
+            ("a line at 88 Hz in short holds", 4096, |t| {
+                let moves = (TAU * t / 1.5).sin() - 0.5;
+                8.0176 * RATE * TAU / 4096.0 + 200.0 * moves.max(0.0)
+            }),
         ];
         for (name, counts, speed) in cases {
             let bands = bands(speed, counts);

@@ -296,7 +296,7 @@ impl Progress {
             c.credit > enough.max(self.least_beside(&c.trial.hypothesis, others, balance))
                 && c.trial.gain.fall > 0.0
                 && resolved(&c.trial, balance)
-                && counts(&c.trial, balance)
+                && counts(&c.trial, balance, search.whitener)
         });
         list.sort_by(|a, b| b.credit.total_cmp(&a.credit));
         list

@@ -3,8 +3,10 @@
 use crate::balance::{Balance, Contribution};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
+use crate::regression::design::Whitener;
 use crate::search::forward::Contender;
 use crate::search::select::Trial;
+use crate::signal::channel::Channel;
 use crate::signal::noise::{SHARE_OF_DRIVE, declared_resonance_hz, drive_rms, torque_of_angle};
 use crate::signal::signals::coarsest;
 use plant::Axis;
@@ -47,8 +49,9 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
     (a.shape - b.shape).abs() < resolution
 }
 
-/// Whether a trial makes enough of a motor's torque or voltage, rms, to count, or moves the table's reading.
-pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
+/// Whether a trial makes enough of a motor's torque or voltage, rms, to count, or moves the table's reading. Of a torque, what friction within
+/// its tolerance does as well does not count: it repeats no better.
+pub(super) fn counts(trial: &Trial, balance: &Balance, whitener: &Whitener) -> bool {
     let columns = trial
         .hypothesis
         .contributions(balance, balance.signals.run_s());
@@ -56,9 +59,14 @@ pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
     for (column, value) in columns.iter().zip(&trial.gain.values) {
         sum.add_all(*value, column);
     }
+    let own = trial.gain.own_part(&whitener.column(&sum));
     sum.0.iter().any(|(channel, spectrum)| {
         let drive = drive_rms(balance.model, balance.signals, *channel);
-        balance.fourier.rms(spectrum) > SHARE_OF_DRIVE * drive
+        let part = match channel {
+            Channel::Torque(_) => own,
+            _ => 1.0,
+        };
+        part * balance.fourier.rms(spectrum) > SHARE_OF_DRIVE * drive
     })
 }
 
