@@ -110,3 +110,23 @@ impl Normal {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regression::normal::Prior;
+    use std::rc::Rc;
+
+    /// A candidate at 45 degrees to the column that is there: half of its square is its own.
+    #[test]
+    fn a_candidate_has_its_part_beside_what_is_there() {
+        let column = |values: &[f64]| Column::alone(values.to_vec());
+        let (there, candidate) = (column(&[1.0, 0.0]), column(&[1.0, 1.0]));
+        let mut normal = Normal::new(column(&[3.0, 2.0]), &Rc::from([0..1, 1..2]));
+        normal.push(there, Prior::FREE);
+        let gain = normal.gain(std::slice::from_ref(&candidate), &normal.solve(None));
+        let whole = Column::default().plus([&candidate], &gain.values);
+        assert!((gain.values[0] - 2.0).abs() < 1e-6, "{gain:?}");
+        assert!((gain.own_part(&whole) - 0.5_f64.sqrt()).abs() < 1e-6);
+    }
+}
