@@ -1,6 +1,6 @@
 //! The residual when no hypothesis is worth adding: what it looks like, without a cause.
 
-use crate::balance::{Balance, Contribution};
+use crate::balance::Balance;
 use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::outcome::Unexplained;
 use crate::conclusion::remains::level;
@@ -227,11 +227,7 @@ fn described(
     reason: &'static str,
 ) -> Unexplained {
     let balance = case.balance;
-    let mut whole = Contribution::default();
-    let parts = hypothesis.contributions(balance, balance.signals.run_s());
-    for (part, value) in parts.iter().zip(values) {
-        whole.add_all(*value, part);
-    }
+    let whole = hypothesis.whole(balance, values);
     let white = whitener.column(&whole);
     let power = |channel: Channel| -> f64 {
         let part = white.parts[channel.index()].as_deref().unwrap_or_default();

@@ -323,7 +323,7 @@ pub(crate) fn small_rms(model: &Model, signals: &Signals, channel: Channel) -> f
 }
 
 /// Share of what drives a channel, rms, that counts as nothing: beside no effects (`alone`), or beside some.
-pub(crate) fn small_share(channel: Channel, alone: bool) -> f64 {
+fn small_share(channel: Channel, alone: bool) -> f64 {
     match (channel, alone) {
         (Channel::Torque(_) | Channel::VoltageD(_), true) => SHARE_OF_DRIVE,
         (Channel::Torque(_), false) => SMALL_TORQUE,

@@ -25,8 +25,7 @@ const SKIRT: f64 = 60.0;
 /// Bandwidth of the speeds that say where a line is, Hz.
 const EVEN_HZ: f64 = 20.0;
 /// Bandwidths of speeds without a line, Hz: a line that is among them would smear itself. They are close together, as a speed's ripple that
-/// is left out moves the line. The last says where the line
-/// is, beside [`WINDOWS_S`].
+/// is left out moves the line. The last says where the line is, beside [`WINDOWS_S`].
 const BELOW_HZ: [f64; 16] = [
     200.0, 140.0, 100.0, 70.0, 50.0, 35.0, 26.0, EVEN_HZ, 14.0, 10.0, 7.0, 5.0, 3.5, 2.5, 1.7, 1.2,
 ];

@@ -220,6 +220,16 @@ impl Hypothesis {
             })
     }
 
+    /// What it adds to the residuals with values of its linear parameters.
+    pub(crate) fn whole(&self, balance: &Balance, values: &[f64]) -> Contribution {
+        let mut whole = Contribution::default();
+        let parts = self.contributions(balance, balance.signals.run_s());
+        for (part, value) in parts.iter().zip(values) {
+            whole.add_all(*value, part);
+        }
+        whole
+    }
+
     /// Whether its shape is an order or a frequency that a scan of the residual suggests.
     pub fn has_scanned_shape(&self) -> bool {
         match self.family {

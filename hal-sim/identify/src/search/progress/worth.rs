@@ -1,6 +1,6 @@
 //! What counts as something, as the same, and as not distinguished.
 
-use crate::balance::{Balance, Contribution};
+use crate::balance::Balance;
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::regression::design::Whitener;
@@ -52,18 +52,11 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
 /// Whether a trial makes enough of a motor's torque or voltage, rms, to count, or moves the table's reading. Of a torque, what friction within
 /// its tolerance does as well does not count: it repeats no better.
 pub(super) fn counts(trial: &Trial, balance: &Balance, whitener: &Whitener) -> bool {
-    let columns = trial
-        .hypothesis
-        .contributions(balance, balance.signals.run_s());
-    let mut sum = Contribution::default();
-    for (column, value) in columns.iter().zip(&trial.gain.values) {
-        sum.add_all(*value, column);
-    }
-    let own = trial.gain.own_part(&whitener.column(&sum));
-    sum.0.iter().any(|(channel, spectrum)| {
+    let whole = trial.hypothesis.whole(balance, &trial.gain.values);
+    whole.0.iter().any(|(channel, spectrum)| {
         let drive = drive_rms(balance.model, balance.signals, *channel);
         let part = match channel {
-            Channel::Torque(_) => own,
+            Channel::Torque(_) => trial.gain.own_part(&whitener.column(&whole)),
             _ => 1.0,
         };
         part * balance.fourier.rms(spectrum) > SHARE_OF_DRIVE * drive

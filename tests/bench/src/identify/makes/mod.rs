@@ -203,8 +203,8 @@ mod tests {
     use super::*;
 
     /// Drives at 8 to 20 kHz, encoders of 4096 to 2^20 counts, voltages in three frames. Without the ages, frames and means of voltages and
-    /// currents in the balances none of 60 ended so. Nine of these 12 were clean before
-    /// fast reversals were left out, 10 before a residual below the share of the smallest name counted as nothing.
+    /// currents in the balances none of 60 ended so. Nine of these 12 were clean before fast
+    /// reversals were left out, 10 before a residual below the share of the smallest name counted as nothing.
     #[test]
     fn nothing_is_missing_on_most_clean_motors_and_none_has_a_name() {
         let makes = measure(0, 12, None).unwrap();
