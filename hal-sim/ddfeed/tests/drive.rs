@@ -725,12 +725,24 @@ fn what_is_learned_is_kept() {
     };
     served.printed(&["settings", "set", "--yes", "compensation.learning_s=0.5"]);
     served.until("ready");
+    // Which orders it will learn is nothing that a restart takes.
+    let lead = ["settings", "set", "feed.lead_mm=20"];
+    let said = served.fails(2, &lead);
+    assert!(
+        said.contains("Lost with the restart: the alignment") && !said.contains("learned"),
+        "{said}"
+    );
     jog("5", "1");
+    let said = served.fails(2, &lead);
+    assert!(said.contains("that were learned and not saved"), "{said}");
     let said = served.printed(&["settings", "learned"]);
     assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");
     served.until("ready");
     served.printed(&["settings", "learned", "--save", "--yes"]);
     served.until("ready");
+    // What was saved rounds to the steps of the drive's formats. That is nothing new.
+    let said = served.printed(&["settings", "learned"]);
+    assert_eq!(said, "nothing differs\n");
     let now = served.printed(&["settings", "get", "--json", "screw_torque"]);
     let now: Value = serde_json::from_str(&now).unwrap();
     let size = now["screw_torque.re_5_a"]

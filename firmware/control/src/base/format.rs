@@ -421,6 +421,22 @@ pub const fn quantise(
     Ok((value * scale + half) as i32)
 }
 
+/// The same in the format of the number that it becomes.
+///
+/// # Errors
+/// As [`quantise`].
+#[inline(always)]
+pub const fn fixed_point<Fraction: LeEqU32>(
+    name: &'static str,
+    unit: &'static str,
+    value: f64,
+) -> Result<FixedI32<Fraction>, Misfit> {
+    match quantise(name, unit, value, FixedI32::<Fraction>::FRAC_NBITS) {
+        Ok(bits) => Ok(FixedI32::from_bits(bits)),
+        Err(misfit) => Err(misfit),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

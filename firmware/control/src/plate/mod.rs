@@ -176,7 +176,8 @@ impl CompensationPlate {
         let torques = torques.map(|order| (&mut order.re, &mut order.im, TORQUE_BITS));
         let speeds = speeds.map(|order| (&mut order.re, &mut order.im, SPEED_BITS));
         if let Some((re, im, bits)) = torques.chain(speeds).nth(line) {
-            (*re, *im) = parts(learned, bits);
+            keep_part(re, learned.re, bits);
+            keep_part(im, learned.im, bits);
         }
     }
 
@@ -184,15 +185,19 @@ impl CompensationPlate {
     /// [`per_load`](crate::speed::compensation::Compensation::per_load).
     pub fn keep_slope(&mut self, line: usize, per_load: Phasor) {
         if let Some(order) = self.torque.as_flattened_mut().get_mut(line) {
-            (order.re_per_a, order.im_per_a) = parts(per_load, PER_LOAD_BITS);
+            keep_part(&mut order.re_per_a, per_load.re, PER_LOAD_BITS);
+            keep_part(&mut order.im_per_a, per_load.im, PER_LOAD_BITS);
         }
     }
 }
 
-/// What was learned as numbers, of so many fraction bits.
-fn parts(learned: Phasor, bits: u32) -> (f64, f64) {
+/// Keeps what was learned, of so many fraction bits. A value that rounds to it stays: a drive that learned nothing changes no setting.
+fn keep_part(part: &mut f64, learned: i32, bits: u32) {
     let unit = 1.0 / (1u64 << bits) as f64;
-    (f64::from(learned.re) * unit, f64::from(learned.im) * unit)
+    let learned = f64::from(learned) * unit;
+    if (*part - learned).abs() > 0.5 * unit {
+        *part = learned;
+    }
 }
 
 /// What repeats with a motor's turn in its torque, as a current: `Re((re + j im) e^(j order angle))` without a load, and what an ampere of
@@ -626,6 +631,24 @@ mod tests {
         after.motors[0].inductance_h = 1e3;
         let misfit = after.configure(&mut config).unwrap_err();
         assert_eq!(misfit.to_string(), after.config().unwrap_err().to_string());
+    }
+
+    /// 0.1234567 A are 16,181.7 steps of 2^-17 A. A drive starts with 16,182.
+    #[test]
+    fn a_value_that_rounds_to_what_is_learned_stays() {
+        let mut plate = test_plate().compensation;
+        plate.torque[0][0] = TorqueOrderPlate {
+            re: 0.123_456_7,
+            im: -0.123_456_7,
+            ..TorqueOrderPlate::unknown(5.0)
+        };
+        let before = plate;
+        let learned = |re: i32, im: i32| Phasor { re, im };
+        plate.keep(0, learned(16_182, -16_182));
+        assert_eq!(plate, before);
+        plate.keep(0, learned(16_183, -16_182));
+        assert_eq!(plate.torque[0][0].re, 16_183.0 / 131_072.0);
+        assert_eq!(plate.torque[0][0].im, -0.123_456_7);
     }
 
     #[test]

@@ -227,10 +227,18 @@ fn lost_by_restart(drive: &mut Drive, settings: &Settings) -> Result<Vec<String>
     if status.state != State::Unaligned.word() && motors.iter().any(counted) {
         lost.push("the alignment of rotors with incremental encoders".to_owned());
     }
-    if drive.learned()? != *settings {
+    if has_learned(settings, &drive.learned()?) {
         lost.push("the orders that were learned and not saved".to_owned());
     }
     Ok(lost)
+}
+
+/// Whether a drive has learned sizes that are not set. An order that it begins with has none.
+fn has_learned(settings: &Settings, learned: &Settings) -> bool {
+    let order = |setting: Setting| setting.to_string().contains(".order_");
+    settings
+        .differences(learned)
+        .any(|(setting, ..)| !order(setting))
 }
 
 fn tell(before: &Settings, after: &Settings) {

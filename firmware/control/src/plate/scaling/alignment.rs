@@ -1,7 +1,7 @@
 //! The alignment's plate -> its limits, times and thresholds in the formats of its steps.
 
 use super::{attempt, positive, profile, within};
-use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, SpeedGain, Voltage, quantise};
+use crate::base::format::{Misfit, SpeedGain, fixed_point};
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::alignment::swing::FULL;
@@ -11,7 +11,6 @@ use crate::speed::alignment::{
 use crate::speed::coordinator::CoordinatorConfig;
 use crate::speed::speed_loop::SpeedLoopConfig;
 use core::f64::consts::TAU;
-use fixed::types::I4F28;
 
 /// Seconds in which a probe's torque grows by e, of its rest, and rests at most.
 const GROWTH_S: f64 = 24e-3;
@@ -138,11 +137,12 @@ impl DrivePlate {
             nut.pole_pairs
         };
         let swing = SWING / most as f64;
+        let cutoff = self.aligning_rad_s();
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, *screw_loop, swing, speed)),
-                attempt!(self.motor_alignment(nut, *nut_loop, swing, speed)),
+                attempt!(self.motor_alignment(screw, *screw_loop, cutoff, swing, speed)),
+                attempt!(self.motor_alignment(nut, *nut_loop, cutoff, swing, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -156,12 +156,7 @@ impl DrivePlate {
             scale: (self.feed.scale_count_m / self.feed.lead_m * 1_099_511_627_776.0) as i64,
             swing: swing_config(swing, travel, step),
             braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
-            turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
-                "alignment's speed",
-                "rad/s",
-                speed,
-                18
-            ))),
+            turn_speed: attempt!(fixed_point("alignment's speed", "rad/s", speed)),
             turn: CoordinatorConfig {
                 base: attempt!(profile(
                     ["alignment's acceleration", "alignment's jerk"],
@@ -175,12 +170,11 @@ impl DrivePlate {
                 1.0 + 8.0 * speed / acceleration + 2.0 * measured_s + INDEX_TURNS * TAU / speed,
                 step,
             ),
-            still_speed: Speed::from_bits(attempt!(quantise(
+            still_speed: attempt!(fixed_point(
                 "alignment's speed of rest",
                 "electrical rad/s",
-                STILL_SPEED * speed * slowest as f64,
-                16
-            ))),
+                STILL_SPEED * speed * slowest as f64
+            )),
             longest_steps: (LONGEST_S / step) as u32,
         })
     }
@@ -210,6 +204,7 @@ impl DrivePlate {
         &self,
         motor: &MotorPlate,
         speed_loop: SpeedLoopConfig,
+        cutoff: f64,
         swing: f64,
         speed: f64,
     ) -> Result<MotorAlignment, Misfit> {
@@ -222,18 +217,18 @@ impl DrivePlate {
             0.0,
             motor.torque_max_nm
         ));
-        let faster = self.aligning_rad_s() / self.tuning.speed_rad_s;
+        let faster = cutoff / self.tuning.speed_rad_s;
         let speed_loop = attempt!(self.faster_loop(motor, speed_loop, faster));
         let pole_pairs = motor.pole_pairs as f64;
         let limit = ASKED * torque_nm / (pole_pairs * motor.flux_wb);
         let step = self.speed_step();
-        let limit_current = attempt!(current("alignment's torque limit", limit));
+        let limit_current = attempt!(fixed_point("alignment's torque limit", "A", limit));
         let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
             limit: limit_current,
             wiring: WiringConfig {
-                kick: attempt!(current("alignment's kick", kick)),
-                clear: attempt!(current("alignment's clear current", clear)),
+                kick: attempt!(fixed_point("alignment's kick", "A", kick)),
+                clear: attempt!(fixed_point("alignment's clear current", "A", clear)),
                 steps: steps(KICK_S, step),
                 shunts: self.board.shunts,
             },
@@ -254,31 +249,19 @@ impl DrivePlate {
                 i_max: limit_current,
                 ..speed_loop
             },
-            swing: attempt!(self.rotor_swing(motor, speed_loop, swing, limit)),
-            resistance: Current::from_bits(attempt!(quantise(
-                "resistance",
-                "ohm",
-                motor.resistance_ohm,
-                20
-            ))),
-            inductance: I4F28::from_bits(attempt!(quantise(
-                "inductance",
-                "H",
-                motor.inductance_h,
-                28
-            ))),
-            least_speed: Speed::from_bits(attempt!(quantise(
+            swing: attempt!(self.rotor_swing(motor, speed_loop, cutoff, swing, limit)),
+            resistance: attempt!(fixed_point("resistance", "ohm", motor.resistance_ohm)),
+            inductance: attempt!(fixed_point("inductance", "H", motor.inductance_h)),
+            least_speed: attempt!(fixed_point(
                 "alignment's least speed",
                 "electrical rad/s",
-                LEAST_SPEED * speed * pole_pairs,
-                16
-            ))),
-            least_emf: Voltage::from_bits(attempt!(quantise(
+                LEAST_SPEED * speed * pole_pairs
+            )),
+            least_emf: attempt!(fixed_point(
                 "alignment's back-EMF",
                 "V",
-                0.5 * speed * pole_pairs * motor.flux_wb.abs(),
-                18
-            ))),
+                0.5 * speed * pole_pairs * motor.flux_wb.abs()
+            )),
         })
     }
 
@@ -308,28 +291,27 @@ impl DrivePlate {
         let k_pw = speed_loop.k_pw.to_bits() as f64 / SPEED_GAIN_ONE * faster;
         let k_iw = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE * faster * faster;
         Ok(SpeedLoopConfig {
-            k_pw: SpeedGain::from_bits(attempt!(quantise(
+            k_pw: attempt!(fixed_point(
                 "alignment's proportional gain",
                 "A s/rad",
-                k_pw,
-                24
-            ))),
-            k_iw_step: SpeedGain::from_bits(attempt!(quantise(
+                k_pw
+            )),
+            k_iw_step: attempt!(fixed_point(
                 "alignment's integral gain per step",
                 "A s/rad",
-                k_iw,
-                24
-            ))),
+                k_iw
+            )),
             slack: motor.slack(self, k_pw),
             ..speed_loop
         })
     }
 
-    /// How a motor swings; `swing` is how far, in turns, and `limit` its torque limit, A.
+    /// How a motor swings: with a loop of `cutoff` rad/s, `swing` turns far, under a torque limit of `limit` A.
     const fn rotor_swing(
         &self,
         motor: &MotorPlate,
         speed_loop: SpeedLoopConfig,
+        cutoff: f64,
         swing: f64,
         limit: f64,
     ) -> Result<RotorSwing, Misfit> {
@@ -342,7 +324,7 @@ impl DrivePlate {
         };
         let more = (across - ACROSS) / (ACROSS_MOST - ACROSS);
         let along = ALONG + more * (ALONG_LEAST - ALONG);
-        let catch_up = CATCH_UP * self.aligning_rad_s() * TAU * pole_pairs;
+        let catch_up = CATCH_UP * cutoff * TAU * pole_pairs;
         // A a second per electrical rad/s; a loop without an integral has none.
         let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / self.speed_step();
         let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;
@@ -352,18 +334,21 @@ impl DrivePlate {
             0.0
         };
         Ok(RotorSwing {
-            across: attempt!(current("alignment's current across", across * limit)),
-            speed: Speed::from_bits(attempt!(quantise(
+            across: attempt!(fixed_point(
+                "alignment's current across",
+                "A",
+                across * limit
+            )),
+            speed: attempt!(fixed_point(
                 "alignment's speed of the swing",
                 "electrical rad/s",
-                swing * TAU * pole_pairs / SWING_S,
-                16
-            ))),
+                swing * TAU * pole_pairs / SWING_S
+            )),
             gain: bounded(catch_up * 65_536.0, GAIN_MAX),
             break_away_gain: bounded(break_away * 65_536.0, GAIN_MAX),
             torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
             speed_loop: SpeedLoopConfig {
-                i_max: attempt!(current("alignment's current along", along * limit)),
+                i_max: attempt!(fixed_point("alignment's current along", "A", along * limit)),
                 ..speed_loop
             },
         })
@@ -410,10 +395,4 @@ const fn turns(turns: f64) -> u32 {
 const fn steps(seconds: f64, step: f64) -> u16 {
     let steps = (seconds / step + 0.5) as u16;
     if steps == 0 { 1 } else { steps }
-}
-
-const fn current(name: &'static str, amperes: f64) -> Result<Current, Misfit> {
-    Ok(Current::from_bits(attempt!(quantise(
-        name, "A", amperes, 20
-    ))))
 }

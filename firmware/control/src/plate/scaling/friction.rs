@@ -1,7 +1,7 @@
 //! Friction -> the currents that are fed forward against it.
 
 use super::{attempt, within};
-use crate::base::format::{Current, Misfit, SpeedGain, quantise};
+use crate::base::format::{Current, Misfit, SpeedGain, fixed_point};
 use crate::plate::{DrivePlate, RubbingPlate};
 use crate::speed::friction::{FrictionConfig, RubbingConfig, STEPS};
 
@@ -25,7 +25,7 @@ impl DrivePlate {
                 attempt!(self.rubbing(nut_plate, nut_per_amp, nut_pairs)),
             ],
             feed: attempt!(self.rubbing(&plate.feed, screw_per_amp, 1.0)),
-            feed_at_nut: attempt!(gain("flux of the screw over the nut's", "1", {
+            feed_at_nut: attempt!(fixed_point("flux of the screw over the nut's", "1", {
                 screw_per_amp / nut_per_amp
             })),
         })
@@ -54,24 +54,20 @@ impl DrivePlate {
         let rise = STEPS as f64 * self.speed_step() / presliding / pairs;
         let fade = plate.sticks_nm / size / (LINE_ENDS * stribeck) / pairs;
         Ok(RubbingConfig {
-            rise: attempt!(gain("steps over the presliding", "s/rad", rise)),
+            rise: attempt!(fixed_point("steps over the presliding", "s/rad", rise)),
             turned: per_amp < 0.0,
             coulomb: attempt!(current(plate.coulomb_nm / size)),
             sticks: attempt!(current(plate.sticks_nm / size)),
-            fade: attempt!(gain("friction over its Stribeck speed", "A s/rad", fade)),
+            fade: attempt!(fixed_point(
+                "friction over its Stribeck speed",
+                "A s/rad",
+                fade
+            )),
         })
     }
 }
 
 const fn current(amps: f64) -> Result<Current, Misfit> {
     attempt!(within("friction", "A", amps, -1e-9, 2000.0));
-    Ok(Current::from_bits(attempt!(quantise(
-        "friction", "A", amps, 20
-    ))))
-}
-
-const fn gain(of: &'static str, unit: &'static str, value: f64) -> Result<SpeedGain, Misfit> {
-    Ok(SpeedGain::from_bits(attempt!(quantise(
-        of, unit, value, 24
-    ))))
+    fixed_point("friction", "A", amps)
 }

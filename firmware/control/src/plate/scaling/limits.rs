@@ -1,7 +1,7 @@
 //! What a motor and its bridge bear for long, and where braking fades out -> squares, counts, parts of a look.
 
 use super::{attempt, positive, power_of_two, within};
-use crate::base::format::{Current, CurrentScale, Gain, Misfit, quantise};
+use crate::base::format::{Current, CurrentScale, Gain, Misfit, fixed_point, quantise};
 use crate::base::rates::STEPS_PER_HEAT;
 use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
 use crate::speed::current_limit::RegenerationConfig;
@@ -125,12 +125,7 @@ impl ThermalPlate {
         Ok(ThermalConfig {
             part: part as u32,
             rated: rated as i32,
-            rated_current: Current::from_bits(attempt!(quantise(
-                "rated current",
-                "A",
-                rated_current,
-                Current::FRAC_NBITS
-            ))),
+            rated_current: attempt!(fixed_point("rated current", "A", rated_current)),
             fold: Gain {
                 multiplier: multiplier as i32,
                 shift,

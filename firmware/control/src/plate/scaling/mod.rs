@@ -12,7 +12,7 @@ mod runaway;
 mod travel;
 
 use crate::base::format::{
-    CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
+    CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, Voltage, fixed_point, quantise,
 };
 use crate::base::rates::STEPS_PER_LOOK;
 use crate::current::current_loop::CurrentLoopConfig;
@@ -31,7 +31,6 @@ use crate::speed::thermal::HeatConfig;
 use crate::watch::follow::BLIND_M;
 use crate::watch::runaway::RunawayConfig;
 use core::f64::consts::TAU;
-use fixed::types::I20F12;
 
 /// `?` for `const fn`.
 macro_rules! attempt {
@@ -290,31 +289,15 @@ impl DrivePlate {
         attempt!(self.base_table());
         Ok(CoordinatorConfig {
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
-            radians_per_metre: I20F12::from_bits(attempt!(quantise(
-                "screw turns per metre",
-                "rad/m",
-                per_metre,
-                12
-            ))),
-            velocity_max: TableVelocity::from_bits(attempt!(quantise(
+            radians_per_metre: attempt!(fixed_point("screw turns per metre", "rad/m", per_metre)),
+            velocity_max: attempt!(fixed_point(
                 "table velocity limit",
                 "m/s",
-                feed.velocity_max,
-                28
-            ))),
+                feed.velocity_max
+            )),
             speed_max: [
-                MechanicalSpeed::from_bits(attempt!(quantise(
-                    "screw speed limit",
-                    "rad/s",
-                    screw.speed_max(),
-                    18
-                ))),
-                MechanicalSpeed::from_bits(attempt!(quantise(
-                    "nut speed limit",
-                    "rad/s",
-                    nut.speed_max(),
-                    18
-                ))),
+                attempt!(fixed_point("screw speed limit", "rad/s", screw.speed_max())),
+                attempt!(fixed_point("nut speed limit", "rad/s", nut.speed_max())),
             ],
             table,
             base,
@@ -358,12 +341,7 @@ impl DrivePlate {
         ));
         Ok(WanderConfig {
             step: (4_294_967_296.0 / steps) as u32,
-            half: MechanicalSpeed::from_bits(attempt!(quantise(
-                "half of a wander",
-                "rad/s",
-                half,
-                18
-            ))),
+            half: attempt!(fixed_point("half of a wander", "rad/s", half)),
         })
     }
 

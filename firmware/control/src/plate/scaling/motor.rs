@@ -1,9 +1,7 @@
 //! A motor's plate -> its current loop's and its speed loop's configuration.
 
 use super::{attempt, gain, positive, power_of_two, square_root, within};
-use crate::base::format::{
-    Current, CurrentScale, InertiaGain, Misfit, Ratio, SpeedGain, Voltage, quantise,
-};
+use crate::base::format::{CurrentScale, Misfit, Voltage, fixed_point, quantise};
 use crate::current::current_loop::CurrentLoopConfig;
 use crate::current::encoder::Interface;
 use crate::current::encoder_watch::EncoderWatchConfig;
@@ -206,19 +204,13 @@ impl MotorPlate {
         ));
         Ok(ObserverConfig {
             encoder,
-            age: Ratio::from_bits(attempt!(quantise(
-                "age of an encoder reading",
-                "PWM periods",
-                age,
-                30
-            ))),
-            alpha: Ratio::from_bits(attempt!(quantise(
+            age: attempt!(fixed_point("age of an encoder reading", "PWM periods", age)),
+            alpha: attempt!(fixed_point(
                 "observer alpha",
                 "",
-                2.0 * tuning.observer_damping * x,
-                30
-            ))),
-            beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
+                2.0 * tuning.observer_damping * x
+            )),
+            beta: attempt!(fixed_point("observer beta", "", x * x)),
             speed_end: 1 << speed_bits,
             pole_pairs: self.pole_pairs,
             omega_scale: WideScale::new(
@@ -240,30 +232,22 @@ impl MotorPlate {
         let torque_constant = pole_pairs * self.flux_wb;
         attempt!(positive("inertia", "kg m^2", self.inertia_kg_m2));
         Ok(SpeedLoopConfig {
-            k_pw: SpeedGain::from_bits(attempt!(quantise(
-                "Kpw (Eq 11)",
-                "A s/rad",
-                gains.k_pw,
-                24
-            ))),
-            k_iw_step: SpeedGain::from_bits(attempt!(quantise(
+            k_pw: attempt!(fixed_point("Kpw (Eq 11)", "A s/rad", gains.k_pw)),
+            k_iw_step: attempt!(fixed_point(
                 "Kiw (Eq 12) per step",
                 "A s/rad",
-                gains.k_iw * step,
-                24
-            ))),
-            inertia: InertiaGain::from_bits(attempt!(quantise(
+                gains.k_iw * step
+            )),
+            inertia: attempt!(fixed_point(
                 "inertia feed-forward",
                 "A per rad/s a step",
-                self.inertia_kg_m2 / (pole_pairs * torque_constant * step),
-                20
-            ))),
-            i_max: Current::from_bits(attempt!(quantise(
+                self.inertia_kg_m2 / (pole_pairs * torque_constant * step)
+            )),
+            i_max: attempt!(fixed_point(
                 "torque limit",
                 "A",
-                self.torque_max_nm / torque_constant,
-                20
-            ))),
+                self.torque_max_nm / torque_constant
+            )),
             slack: self.slack(drive, gains.k_pw),
         })
     }

@@ -1,8 +1,8 @@
 //! Disturbance observer and notch: plate -> fixed point.
 
 use super::elementary::{decay, sine_and_cosine};
-use super::{attempt, quantise, within};
-use crate::base::format::{Current, Misfit, Ratio, SpeedGain};
+use super::{attempt, within};
+use crate::base::format::{Current, Misfit, Ratio, SpeedGain, fixed_point};
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::disturbance::DisturbanceConfig;
 use crate::speed::notch::NotchConfig;
@@ -110,18 +110,16 @@ impl MotorPlate {
         let inertia = self.inertia_kg_m2 / (pole_pairs * pole_pairs * self.flux_wb);
         Ok(DisturbanceConfig {
             active: true,
-            part: Current::from_bits(attempt!(quantise(
+            part: attempt!(fixed_point(
                 "filter of the disturbance observer",
                 "",
-                drive.disturbance_part(),
-                20
-            ))),
-            inertia: SpeedGain::from_bits(attempt!(quantise(
+                drive.disturbance_part()
+            )),
+            inertia: attempt!(fixed_point(
                 "inertia of the disturbance observer",
                 "A s/rad",
-                omega * inertia,
-                24
-            ))),
+                omega * inertia
+            )),
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Limits of a runaway: parts of what a motor may do -> counts, steps, looks.
 
 use super::{attempt, gain, power_of_two, within};
-use crate::base::format::{Misfit, Speed, quantise};
+use crate::base::format::{Misfit, fixed_point, quantise};
 use crate::base::rates::STEPS_PER_LOOK;
 use crate::base::tolerance::Tolerance;
 use crate::plate::{DrivePlate, MotorPlate};
@@ -54,24 +54,18 @@ impl MotorPlate {
         let look = drive.speed_step() * STEPS_PER_LOOK as f64;
         Ok(RunawayConfig {
             theta_step_max: (step * 4_294_967_296.0) as u32,
-            following: Speed::from_bits(attempt!(quantise(
+            following: attempt!(fixed_point(
                 "following error",
                 "rad/s",
-                limits.following * speed_e,
-                16
-            ))),
+                limits.following * speed_e
+            )),
             current: current as u32,
             current_sum: current_sum as u32,
             resistance: attempt!(gain("resistance", self.resistance_ohm, sense.scale)),
             emf_part: (sine(limits.angle_deg * TAU / 360.0) * 4_294_967_296.0) as i32,
             emf_floor: attempt!(quantise("voltage error of the model", "V", floor, 18))
                 .unsigned_abs(),
-            stall: Speed::from_bits(attempt!(quantise(
-                "stall",
-                "rad/s",
-                limits.stall * speed_e,
-                16
-            ))),
+            stall: attempt!(fixed_point("stall", "rad/s", limits.stall * speed_e)),
             pole_pairs: self.pole_pairs.cast_signed(),
             tolerances: [
                 tolerance(limits.angle_s, look),
