@@ -221,6 +221,17 @@ pub fn analyse_as(
     fit: &Recording,
     check: &Recording,
 ) -> Outcome {
+    let under = |model: &Model| as_declared(machine, model, fit, check);
+    under(model).or_corrected(model, under)
+}
+
+/// The same, with plate values within their tolerance.
+fn as_declared(
+    machine: &'static dyn Machine,
+    model: &Model,
+    fit: &Recording,
+    check: &Recording,
+) -> Outcome {
     let [fit, check] = [fit, check].map(|recording| Record::of(recording, model, machine));
     let roundings = Roundings::new(&fit, model);
     let records = [&fit, &check];

@@ -1,6 +1,7 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
 pub mod channels;
+pub mod correction;
 pub mod curves;
 pub(crate) mod figures;
 pub mod interval;
@@ -21,7 +22,8 @@ use crate::conclusion::interval::may_be_nothing;
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
 use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{
-    angle_zeros, at_ends, calibration, curve_shares, load_nm, names_at_ends, new_model,
+    Released, angle_zeros, at_ends, calibration, curve_shares, load_nm, names_at_ends, new_model,
+    released,
 };
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
@@ -70,11 +72,29 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             }
             None => {
                 let outcome = with_curves(&case, &check, &noise, &mut progress, outcome);
-                let refused = case.balance.refusals.list();
-                return Outcome { refused, ..outcome };
+                return Outcome {
+                    refused: case.balance.refusals.list(),
+                    released: released_in(&case, &noise, &progress.found, &outcome.at_ends),
+                    ..outcome
+                };
             }
         }
     }
+}
+
+/// See [`released`]: nothing where no plate value is at an end.
+fn released_in(
+    case: &Case,
+    noise: &Noise,
+    found: &[Hypothesis],
+    ends: &[String],
+) -> Vec<Vec<Released>> {
+    if ends.is_empty() {
+        return Vec::new();
+    }
+    let whitener = case.whitener(noise);
+    let normal = case.search(&whitener, found).normal;
+    released(case, &normal, &normal.solve(None))
 }
 
 /// An outcome with what predicts the rest as measured effects, where the check record bears them out in a model with plate values
@@ -442,7 +462,11 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
     let doubts = progress.doubtful.iter();
     Outcome {
         curve_shares: curve_shares(case, &solution),
-        model: new_model(case, &solution, &effects),
+        model: new_model(
+            case,
+            &solution,
+            effects.iter().map(|found| found.effect.clone()),
+        ),
         calibration: calibration(case, &solution),
         unexplained: unexplained(&left, &parts, &progress.doubtful, &channels),
         bandwidth: bandwidth(case, noise),
@@ -457,6 +481,8 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
         channels,
         by_plate,
         at_ends: names_at_ends(case, &solution),
+        released: Vec::new(),
+        correction: None,
         load_nm: load_nm(case, &solution),
         angle_zeros: angle_zeros(case, &solution),
         curves: Vec::new(),

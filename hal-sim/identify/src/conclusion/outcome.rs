@@ -1,7 +1,9 @@
 //! What an analysis tells.
 
 use crate::conclusion::channels::{ChannelRest, TableForce};
+use crate::conclusion::correction::Correction;
 use crate::conclusion::curves::Learned;
+use crate::conclusion::recalibrated::{Released, corrected};
 use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Tally, Verdict, judge};
 use crate::digits::three;
 use crate::effects::hypothesis::Hypothesis;
@@ -117,6 +119,10 @@ pub struct Outcome {
     pub calibration: Vec<(String, f64, f64)>,
     /// Plate values that the fit record has at an end of their tolerance.
     pub at_ends: Vec<String>,
+    /// What they are where their tolerance does not hold them: few of them, then more.
+    pub(crate) released: Vec<Vec<Released>>,
+    /// Plate values with which the record has a better verdict.
+    pub correction: Option<Correction>,
     /// Constant load that a motor alone is taken to have, N m.
     pub load_nm: Option<f64>,
     /// Electrical angles by which the zeros of encoders are taken to be off, rad.
@@ -225,7 +231,10 @@ impl Outcome {
             judged.verdict,
             Verdict::Unexplained | Verdict::PartlyExplained
         );
-        if is_left && !self.at_ends.is_empty() {
+        if let Some(correction) = &self.correction {
+            let left = judged.said.left.get_or_insert_default();
+            *left += &correction.sentence();
+        } else if is_left && !self.at_ends.is_empty() {
             let names: Vec<String> = self
                 .at_ends
                 .iter()
@@ -283,6 +292,22 @@ impl Outcome {
             doubts: told.doubts,
             ..self
         }
+    }
+
+    /// With a correction of the plate, if something is left and the records are better explained under corrected values. `again` draws
+    /// the conclusion under another model.
+    pub(crate) fn or_corrected(self, model: &Model, again: impl Fn(&Model) -> Outcome) -> Self {
+        let is_left = [Verdict::Unexplained, Verdict::PartlyExplained];
+        if self.released.is_empty() || !is_left.contains(&self.judged().verdict) {
+            return self;
+        }
+        let correction = self.released.iter().find_map(|released| {
+            let with = again(&corrected(model, released));
+            let verdict = with.judged().verdict;
+            let better = [Verdict::NothingMissing, Verdict::Explained].contains(&verdict);
+            better.then(|| Correction::new(released, &with.calibration, verdict.name()))
+        });
+        Outcome { correction, ..self }
     }
 
     /// What the fit record excites of each motor, with its name.

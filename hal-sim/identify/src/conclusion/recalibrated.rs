@@ -1,11 +1,11 @@
 //! The declared parameters as the record has them, and the new model.
 
-use crate::conclusion::outcome::Found;
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::machines::{Machine, declared_or_unit};
-use crate::regression::normal::Solution;
+use crate::regression::normal::{Normal, Solution};
 use crate::search::case::Case;
 use plant::Axis;
+use plant::effects::EffectModel;
 use plant::model::Model;
 
 /// Name of a declared parameter in a model file; `None` for a nuisance.
@@ -117,40 +117,109 @@ fn add(declared: &mut f64, value: f64) {
     *declared = (*declared + declared_or_unit(*declared) * value).max(0.0);
 }
 
+/// Changes what a model declares of one parameter, relative.
+fn change(model: &mut Model, parameter: Parameter, value: f64) {
+    let factor = 1.0 + value;
+    match parameter {
+        Parameter::Motor(axis, which) => {
+            let motor = model.motor_mut(axis);
+            match which {
+                MotorParameter::Inertia => add(&mut motor.inertia_kg_m2, value),
+                MotorParameter::Viscous => add(&mut motor.viscous_nm_s, value),
+                MotorParameter::Coulomb => add(&mut motor.coulomb_nm, value),
+                MotorParameter::Flux => motor.flux_wb *= factor,
+                MotorParameter::Resistance => motor.resistance_ohm *= factor,
+                MotorParameter::Inductance => motor.inductance_h *= factor,
+                _ => {}
+            }
+        }
+        Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
+        Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
+        Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
+        Parameter::Load => model.feed.load_n *= factor,
+        Parameter::GuidewayShare
+        | Parameter::TableMass { .. }
+        | Parameter::Curve(_)
+        | Parameter::EndSpeed { .. }
+        | Parameter::TableOrigin { .. }
+        | Parameter::RestOffset { .. }
+        | Parameter::RestDrift { .. } => {}
+    }
+}
+
+/// Least and greatest factor on a plate value that is proposed: beyond that something else is wrong.
+const FACTORS: [f64; 2] = [0.3, 3.0];
+
+/// A plate value as the fit record has it, beyond its tolerance.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Released {
+    /// Its name in a model file.
+    pub name: String,
+    parameter: Parameter,
+    /// On what is declared.
+    pub factor: f64,
+}
+
+/// How many plate values are proposed together at most: of more a record says little, and each number of them is a search of its own.
+const MOST_RELEASED: usize = 2;
+
+/// Plate values that leave their tolerance where the record lets them: of those at an end the one that brings most is let free, then that
+/// with another one. None where one leaves what a plate may be.
+pub(crate) fn released(case: &Case, normal: &Normal, solution: &Solution) -> Vec<Vec<Released>> {
+    let (mut free, mut solution) = (normal.clone(), solution.clone());
+    let (mut places, mut sets) = (Vec::new(), Vec::new());
+    let most = |ends: &[usize], free: &Normal| {
+        let falls = ends.iter().map(|&k| (k, free.fall_without_priors(&[k])));
+        falls.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+    };
+    while places.len() < MOST_RELEASED
+        && let Some(k) = most(&at_ends(case, &solution), &free)
+    {
+        free.release(k);
+        places.push(k);
+        solution = free.solve(None);
+        let own = places.iter().map(|&k| {
+            let (parameter, _) = case.base.parameters[k];
+            let factor = 1.0 + solution.values[k];
+            let name = declared_name(parameter, case.balance.signals.machine)?;
+            let may_be = (FACTORS[0]..FACTORS[1]).contains(&factor);
+            may_be.then_some(Released {
+                name,
+                parameter,
+                factor,
+            })
+        });
+        sets.extend(own.collect::<Option<Vec<_>>>());
+    }
+    sets
+}
+
+/// A model with plate values as the record has them.
+pub(crate) fn corrected(model: &Model, released: &[Released]) -> Model {
+    let mut model = model.clone();
+    for own in released {
+        change(&mut model, own.parameter, own.factor - 1.0);
+    }
+    model
+}
+
 /// Part of its measured mass that a table has at least.
 const LIGHTEST: f64 = 0.05;
 
-pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
+pub(crate) fn new_model(
+    case: &Case,
+    solution: &Solution,
+    effects: impl Iterator<Item = EffectModel>,
+) -> Model {
     let mut model = case.balance.model.clone();
     model.feed.axial_damping_ratio = case.balance.damping;
     let (mut share, mut heavier) = (0.0, 1.0);
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
         let value = parameter.within_interval(case.balance.model, solution.values[k]);
-        let factor = 1.0 + value;
         match *parameter {
-            Parameter::Motor(axis, which) => {
-                let motor = model.motor_mut(axis);
-                match which {
-                    MotorParameter::Inertia => add(&mut motor.inertia_kg_m2, value),
-                    MotorParameter::Viscous => add(&mut motor.viscous_nm_s, value),
-                    MotorParameter::Coulomb => add(&mut motor.coulomb_nm, value),
-                    MotorParameter::Flux => motor.flux_wb *= factor,
-                    MotorParameter::Resistance => motor.resistance_ohm *= factor,
-                    MotorParameter::Inductance => motor.inductance_h *= factor,
-                    _ => {}
-                }
-            }
-            Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
-            Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
             Parameter::GuidewayShare => share = value.clamp(0.0, 1.0),
-            Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
-            Parameter::Load => model.feed.load_n *= factor,
-            Parameter::TableMass { .. } => heavier = factor.max(LIGHTEST),
-            Parameter::Curve(_)
-            | Parameter::EndSpeed { .. }
-            | Parameter::TableOrigin { .. }
-            | Parameter::RestOffset { .. }
-            | Parameter::RestDrift { .. } => {}
+            Parameter::TableMass { .. } => heavier = (1.0 + value).max(LIGHTEST),
+            _ => change(&mut model, *parameter, value),
         }
     }
     let feed = &mut model.feed;
@@ -160,8 +229,6 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
     let share = f64::min(share * heavier, 1.0);
     feed.guideway_coulomb_n += share * feed.pair_coulomb_nm / feed.travel_per_radian().abs();
     feed.pair_coulomb_nm *= 1.0 - share;
-    model
-        .effects
-        .extend(effects.iter().map(|found| found.effect.clone()));
+    model.effects.extend(effects);
     model
 }

@@ -229,6 +229,7 @@ mod tests {
                 reason: "a <reason>".into(),
             }],
             calibration: Vec::new(),
+            correction: None,
             derivatives: "without phase".into(),
             selection: Selection {
                 rule: "a & b".into(),

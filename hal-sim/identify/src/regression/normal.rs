@@ -197,13 +197,18 @@ impl Normal {
         solve_holding(&gram, &rhs, &self.fixed()).covariance
     }
 
+    /// Nothing is known of a parameter.
+    pub(crate) fn release(&mut self, k: usize) {
+        self.priors[k] = Prior::FREE;
+    }
+
     /// By how much the cost falls if nothing is known of given parameters.
     pub(crate) fn fall_without_priors(&self, of: &[usize]) -> f64 {
         if of.is_empty() {
             return 0.0;
         }
         let mut free = self.clone();
-        of.iter().for_each(|&k| free.priors[k] = Prior::FREE);
+        of.iter().for_each(|&k| free.release(k));
         let cost = |normal: &Normal| normal.cost(&normal.solve(None).values);
         cost(self) - cost(&free)
     }

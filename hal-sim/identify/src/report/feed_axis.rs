@@ -57,6 +57,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         effects,
         unexplained,
         calibration: calibration(study, &first.axis),
+        correction: None,
         derivatives: "Position and force pass the benchmark's 100 Hz zero-phase Butterworth filter; derivatives are central \
                       differences of the filtered position."
             .into(),

@@ -10,6 +10,7 @@ pub use motor::{axis_by_balance, motor};
 pub use traced::traced;
 pub use write::{WriteError, write};
 
+use crate::conclusion::correction::Correction;
 use crate::conclusion::interval::Estimate;
 use crate::conclusion::rest::Remnant;
 use crate::conclusion::said::Said;
@@ -45,6 +46,9 @@ pub struct Report {
     pub refused: Vec<Refusal>,
     /// Plate values that were refined.
     pub calibration: Vec<Calibrated>,
+    /// Plate values beyond their tolerance with which the verdict is better.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
     /// How derivatives were taken, and to which bandwidth.
     pub derivatives: String,
     /// How effects were chosen, and what lost.

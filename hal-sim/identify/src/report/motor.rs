@@ -104,6 +104,7 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         residual: vec![residual(study, subject)],
         unexplained,
         calibration: calibration(study),
+        correction: None,
         derivatives: format!(
             "The acceleration is the second derivative of the angle as read; it, friction, orders and current pass the same \
              {:.0} Hz zero-phase Butterworth filter. It is narrower than 100 Hz where the angle's noise would be most of the \

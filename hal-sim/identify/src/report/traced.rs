@@ -84,6 +84,7 @@ pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
                 unit: None,
             })
             .collect(),
+        correction: outcome.correction.clone(),
         derivatives: derivatives(outcome),
         selection: selection(outcome),
         simulation: None,

@@ -273,6 +273,8 @@ const OPEN: [CurrentReference; 2] = AlignmentStep::new().current;
 enum Stage {
     /// With the steps since the last motion.
     Still(u16),
+    /// Waits until both rest.
+    Resting(Probe),
     Wiring(usize, Wiring),
     Locate(usize, Locate),
     Pair(Pair),
@@ -355,7 +357,7 @@ impl Alignment {
         self.table.step(scale);
         let table = self.table.turned(config);
         let mut again = None;
-        let coasts = matches!(self.stage, Stage::Still(_));
+        let coasts = matches!(self.stage, Stage::Still(_) | Stage::Resting(_));
         for (motor, (index, seen)) in self.index.iter_mut().zip(&mut seen).enumerate() {
             if index.step(seen, coasts) {
                 again = Some(motor);
@@ -368,6 +370,10 @@ impl Alignment {
         let current = match self.stage {
             Stage::Still(_) => {
                 self.wait(config, theta, from);
+                OPEN
+            }
+            Stage::Resting(_) => {
+                self.rest(config, theta);
                 OPEN
             }
             Stage::Wiring(motor, _) => self.wiring(config, motor, seen),
@@ -470,11 +476,30 @@ impl Alignment {
             *steps = 0;
         }
         if *steps >= config.still_steps {
-            self.from = Some(theta);
-            self.table.begin();
-            self.stage = Stage::Wiring(0, Wiring::default());
+            self.stage = Stage::Resting(Probe::resting(theta));
         } else if self.step >= config.coast_steps {
             self.fail(theta, Part::Pair, Reason::LoadMoves);
+        }
+    }
+
+    /// Waits until both rotors rest as after a probe. Shafts that coast slowly seemed to stand before, and were found moving during the
+    /// first probes.
+    fn rest(&mut self, config: &AlignmentConfig, theta: [Angle; 2]) {
+        let Stage::Resting(probe) = &mut self.stage else {
+            return;
+        };
+        self.step = self.step.saturating_add(1);
+        match probe.step(&config.probes, theta) {
+            ProbeStep::Found(_) => {
+                self.from = Some(theta);
+                self.table.begin();
+                self.stage = Stage::Wiring(0, Wiring::default());
+            }
+            _ if self.step >= config.coast_steps => {
+                self.fail(theta, Part::Pair, Reason::LoadMoves);
+            }
+            ProbeStep::Moves(_) => self.stage = Stage::Resting(Probe::resting(theta)),
+            ProbeStep::Ramp(_) | ProbeStep::Rest => {}
         }
     }
 
