@@ -727,13 +727,13 @@ fn what_is_learned_is_kept() {
     served.until("ready");
     // Which orders it will learn is nothing that a restart takes.
     let lead = ["settings", "set", "feed.lead_mm=20"];
-    let said = served.fails(2, &lead);
+    let said = served.fails(1, &lead);
     assert!(
         said.contains("Lost with the restart: the alignment") && !said.contains("learned"),
         "{said}"
     );
     jog("5", "1");
-    let said = served.fails(2, &lead);
+    let said = served.fails(1, &lead);
     assert!(said.contains("that were learned and not saved"), "{said}");
     let said = served.printed(&["settings", "learned"]);
     assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");

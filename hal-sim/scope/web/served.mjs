@@ -90,10 +90,15 @@ export class Served {
     return this;
   }
 
-  /** What the drive tells of itself, over a line of its own. */
+  /** What `ddfeed drive` prints, over a line of its own. */
+  async command(...words) {
+    const { stdout } = await promisify(execFile)(program, ["drive", "--sim", this.drive.words[2], ...words]);
+    return stdout;
+  }
+
+  /** What the drive tells of itself. */
   async status() {
-    const { stdout } = await promisify(execFile)(program, ["drive", "--sim", this.drive.words[2], "status", "--json"]);
-    return JSON.parse(stdout);
+    return JSON.parse(await this.command("status", "--json"));
   }
 
   async end() {

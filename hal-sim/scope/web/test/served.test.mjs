@@ -29,7 +29,9 @@ const withDrive = (name, body) =>
 const armed = (tab) => tab.getByText("· armed");
 const atRest = (tab) => tab.getByText("· not armed");
 
-withDrive("a second page watches, cannot command, and may stop", async ({ tab, openTab }) => {
+withDrive("a second page watches, cannot command, and may stop", async ({ served, tab, openTab }) => {
+  // To open a page may take a busy computer longer than the usual heartbeat.
+  await served.command("settings", "set", "command.heartbeat_ms=10000");
   await run(tab);
   const second = await openTab("running");
   await button(second, "Run").click();

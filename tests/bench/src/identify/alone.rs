@@ -114,28 +114,51 @@ mod tests {
     use plant::model::MotorModel;
 
     /// A plate that is wrong by more than its tolerance is no effect: half of the friction was Stribeck friction, a resistance too low a dead
-    /// time.
+    /// time. The report says which value it is, and what it would be: within the tolerance that the others have.
     #[test]
     fn a_wrong_plate_has_no_name_and_is_asked_about() {
-        for (name, wrong) in [
+        type Value = fn(&mut MotorModel) -> &mut f64;
+        let cases: [(&str, Value, f64, f64); 4] = [
+            ("motor.coulomb_nm", |motor| &mut motor.coulomb_nm, 0.5, 0.25),
             (
-                "motor.coulomb_nm",
-                (|motor| motor.coulomb_nm *= 0.5) as fn(&mut MotorModel),
+                "motor.resistance_ohm",
+                |motor| &mut motor.resistance_ohm,
+                0.85,
+                0.04,
             ),
-            ("motor.resistance_ohm", |motor| motor.resistance_ohm *= 0.85),
-        ] {
-            let mut asked = 0;
+            (
+                "motor.inertia_kg_m2",
+                |motor| &mut motor.inertia_kg_m2,
+                1.3,
+                0.04,
+            ),
+            ("motor.flux_wb", |motor| &mut motor.flux_wb, 1.08, 0.02),
+        ];
+        for (name, value, wrong, within) in cases {
+            let (mut asked, mut corrected) = (0, 0);
             for seed in 0..4 {
                 let mut machine = draw::alone(50_000 + seed, &[], &|_: &mut Plant| ());
-                wrong(&mut machine.declared.nut);
+                *value(&mut machine.declared.nut) *= wrong;
                 let outcome = told(&machine);
                 let sentence = outcome.judged().said.sentence();
                 println!("{name} {seed}: {sentence}");
                 assert!(outcome.effects.is_empty(), "{name} {seed}: {sentence}");
                 asked += usize::from(sentence.contains(name));
+                let Some(correction) = &outcome.correction else {
+                    continue;
+                };
+                let own = correction.values.iter().find(|own| own.parameter == name);
+                let off = own.map(|own| own.factor * wrong - 1.0);
+                assert!(
+                    off.is_some_and(|off| off.abs() < within),
+                    "{name} {seed}: {correction:?} for {}",
+                    1.0 / wrong
+                );
+                corrected += 1;
             }
             // A shape without a name may take what the plate value lacks.
             assert!(asked > 0, "{name}: no report asks about it");
+            assert!(corrected > 0, "{name}: none is corrected");
         }
     }
 }
