@@ -22,7 +22,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
 use std::f64::consts::TAU;
-use std::fmt::Write;
+use std::fmt::{Debug, Write};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -95,6 +95,12 @@ impl Session {
         text.bytes().for_each(|byte| self.add(byte.into()));
     }
 
+    /// The sentence of an error only: its backtrace is the build's.
+    fn add_answer(&mut self, answer: anyhow::Result<impl Debug>) {
+        let text = answer.map_or_else(|error| error.to_string(), |said| format!("{said:?}"));
+        self.add_text(&text);
+    }
+
     fn millisecond(&mut self) {
         self.client.listen(Duration::ZERO).unwrap();
         let mut bytes = [0; FRAME_MAX];
@@ -147,7 +153,7 @@ impl Session {
     /// A refusal counts too.
     fn tell(&mut self, command: Command) {
         let said = self.client.tell(command);
-        self.add_text(&format!("{said:?}"));
+        self.add_answer(said);
     }
 
     /// Aligns it where it is not; its telemetry counts from then on.
@@ -164,7 +170,7 @@ impl Session {
         };
         self.tell(Command::Record(request.word()));
         let said = self.client.arm(|_| true);
-        self.add_text(&format!("{said:?}"));
+        self.add_answer(said);
         self.pass(1);
     }
 
@@ -195,7 +201,7 @@ impl Session {
         let mut settings = self.client.settings().unwrap();
         change(&mut settings);
         let said = self.client.configure(&settings);
-        self.add_text(&format!("{said:?}"));
+        self.add_answer(said);
         self.pass(500);
     }
 
