@@ -354,6 +354,23 @@ mod tests {
     const FAULT: State = State::Fault(Fault::NutBreak);
 
     #[test]
+    fn a_motor_is_in_the_fault_that_is_its_own() {
+        let of = |first: Fault, latched: &[Fault]| {
+            let all = latched
+                .iter()
+                .fold(FaultSet::EMPTY.with(first), |all, fault| all.with(*fault));
+            [0, 1].map(|motor| State::Fault(first).of_motor(motor, all))
+        };
+        let (screw, nut) = (Fault::ScrewEncoder, Fault::NutBreak);
+        assert_eq!(of(screw, &[]), [State::Fault(screw), State::Ready]);
+        assert_eq!(of(screw, &[nut]), [State::Fault(screw), State::Fault(nut)]);
+        let alone = FaultSet::EMPTY.with(nut);
+        assert_eq!(State::Running.of_motor(1, alone), State::Running);
+        // Of the pair's faults none is a motor's.
+        assert_eq!(of(Fault::CommandLost, &[]), [State::Ready; 2]);
+    }
+
+    #[test]
     fn only_the_transitions_of_the_table_exist() {
         use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping, Unaligned};
         let table = HashSet::from(

@@ -447,6 +447,13 @@ mod tests {
     use std::string::ToString;
 
     #[test]
+    fn only_settings_of_the_compensation_learn() {
+        let learns = |name: &str| Setting::named(name).unwrap().learns();
+        assert!(learns("compensation.learning_s"));
+        assert!(!learns("screw_torque.order_1") && !learns("feed.lead_mm"));
+    }
+
+    #[test]
     fn each_has_its_own_number_and_name_and_a_default_within_its_range() {
         let all: std::vec::Vec<_> = Settings::all().collect();
         for (k, setting) in all.iter().enumerate() {

@@ -94,7 +94,7 @@ fn released_in(
     }
     let whitener = case.whitener(noise);
     let normal = case.search(&whitener, found).normal;
-    released(case, &normal, &normal.solve(None))
+    released(case, &normal, whitener.used_rows() as f64)
 }
 
 /// An outcome with what predicts the rest as measured effects, where the check record bears them out in a model with plate values

@@ -163,10 +163,14 @@ pub(crate) struct Released {
 /// How many plate values are proposed together at most: of more a record says little, and each number of them is a search of its own.
 const MOST_RELEASED: usize = 2;
 
+/// Part of what is beyond the noise that they must bring: with more left something else is missing.
+const OF_THE_EXCESS: f64 = 0.5;
+
 /// Plate values that leave their tolerance where the record lets them: of those at an end the one that brings most is let free, then that
-/// with another one. None where one leaves what a plate may be.
-pub(crate) fn released(case: &Case, normal: &Normal, solution: &Solution) -> Vec<Vec<Released>> {
-    let (mut free, mut solution) = (normal.clone(), solution.clone());
+/// with another one. None where one leaves what a plate may be, or where they bring little. `rows` is what noise alone would cost.
+pub(crate) fn released(case: &Case, normal: &Normal, rows: f64) -> Vec<Vec<Released>> {
+    let (mut free, mut solution) = (normal.clone(), normal.solve(None));
+    let before = normal.cost(&solution.values);
     let (mut places, mut sets) = (Vec::new(), Vec::new());
     let most = |ends: &[usize], free: &Normal| {
         let falls = ends.iter().map(|&k| (k, free.fall_without_priors(&[k])));
@@ -178,6 +182,9 @@ pub(crate) fn released(case: &Case, normal: &Normal, solution: &Solution) -> Vec
         free.release(k);
         places.push(k);
         solution = free.solve(None);
+        if before - free.cost(&solution.values) < OF_THE_EXCESS * (before - rows) {
+            continue;
+        }
         let own = places.iter().map(|&k| {
             let (parameter, _) = case.base.parameters[k];
             let factor = 1.0 + solution.values[k];
