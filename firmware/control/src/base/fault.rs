@@ -200,7 +200,7 @@ impl Fault {
 pub enum Reaction {
     /// Both motors come to rest within their limits, the table too; then both bridges open. Stop category 1 of IEC 60204-1.
     Rest,
-    /// The same where both motors turn so fast that their voltages would show a wrong angle: it is found in the stop then. Slower, both
+    /// The same where a motor turns so fast that its voltage would show a wrong angle: it is found in the stop then. Slower, both
     /// bridges open at once.
     RestAtSpeed,
     /// The bridge of its motor opens at once, and the other motor brings the table to rest by its scale: see `follow.rs`. Where

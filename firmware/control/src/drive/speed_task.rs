@@ -1555,6 +1555,40 @@ mod tests {
         }
     }
 
+    /// One fast motor is enough: the voltage that its turning induces is more than the model may be wrong by. What comes to rest at
+    /// speed does so only then.
+    #[test]
+    fn a_wrong_angle_shows_where_one_motor_is_fast() {
+        let config = test_plate().config().unwrap();
+        for (fast, shows) in [
+            ([0, 0], false),
+            ([1, 0], true),
+            ([0, -1], true),
+            ([1, 1], true),
+        ] {
+            let exchanges = config
+                .current_loops
+                .each_ref()
+                .map(|config_of| MotorExchange::new(config_of, config.speed_divider));
+            for (exchange, way) in exchanges.iter().zip(fast) {
+                // A thousandth of a turn a period: 1200 rpm at 20 kHz.
+                exchange.publish_shaft(None, way * 4_294_967);
+            }
+            let [screw, nut] = &exchanges;
+            assert_eq!(an_angle_shows(&config, [screw, nut]), shows, "{fast:?}");
+            let mut task = SpeedTask::new(&config);
+            task.state = State::Running;
+            let rests = task.rests(
+                &config,
+                [screw, nut],
+                [Some(Fault::Scale), None, None, None],
+            );
+            assert_eq!(rests.has(Fault::Scale), shows, "{fast:?}");
+            let without = task.rests(&config, [screw, nut], [None; 4]);
+            assert_eq!(without, FaultSet::RESTS);
+        }
+    }
+
     /// A current that nobody asked, too small for the watch of its error, in a motor that stands.
     #[test]
     fn a_motor_that_gets_too_warm_stops_a_drive_that_runs() {

@@ -309,6 +309,16 @@ mod tests {
     use crate::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate, test_plate};
 
     #[test]
+    fn a_divided_line_is_its_motors() {
+        let mut checks = TableChecks::new();
+        checks.divide(1, 2);
+        checks.divide(1, 0);
+        // There are two motors.
+        checks.divide(2, 0);
+        assert_eq!(checks.divided, [0, 0b101]);
+    }
+
+    #[test]
     fn a_rotor_found_anew_keeps_the_orders_that_repeat_with_its_poles() {
         let order = |order: f64| TorqueOrderPlate {
             re: 0.1,
