@@ -12,11 +12,10 @@ use crate::speed::coordinator::CoordinatorConfig;
 use crate::speed::speed_loop::SpeedLoopConfig;
 use core::f64::consts::TAU;
 
-/// Seconds in which a probe's torque grows by e, of its rest, and rests at most. Both shafts may creep together from one place where they
-/// cog to the next: on the mains board that took up to 1.3 s.
+/// Seconds in which a probe's torque grows by e, of its rest, and rests at most.
 const GROWTH_S: f64 = 24e-3;
 const REST_S: f64 = 10e-3;
-const RESTS_MAX: u8 = 250;
+const RESTS_MAX: u8 = 100;
 /// Seconds for which the load must be still.
 const STILL_S: f64 = 20e-3;
 /// And by which it must be, s: the paper's motors coast down from 3000 rpm on their friction alone in less.

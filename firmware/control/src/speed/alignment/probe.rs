@@ -52,7 +52,13 @@ pub(super) struct Probe {
     last: Option<[i32; 2]>,
     jump: u32,
     gives_way: GivesWay,
+    /// Which way each went in the rest before.
+    ways: [i32; 2],
 }
+
+/// Rests at most while none turns round: shafts that coast together may creep from one place where they cog to the next, which took
+/// up to 130 rests on the mains board. An encoder that is disturbed goes to and fro.
+const CREEPS_MAX: u8 = 250;
 
 /// What ends a probe's torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -206,7 +212,13 @@ impl Probe {
         self.step = 0;
         self.from = theta;
         self.rests = self.rests.saturating_add(1);
-        if self.rests < config.rests_max {
+        let ways = moved.map(i32::signum);
+        let before = core::mem::replace(&mut self.ways, ways);
+        let turns_round = ways
+            .into_iter()
+            .zip(before)
+            .any(|(way, before)| way != 0 && way == before.wrapping_neg());
+        if self.rests < config.rests_max || !turns_round && self.rests < CREEPS_MAX {
             ProbeStep::Rest
         } else {
             ProbeStep::Moves(goes_on)
