@@ -8,12 +8,13 @@ before(async () => (browser = await launch()));
 after(async () => browser?.close());
 
 /** A test with a served drive and a page. */
-const withDrive = (name, body) =>
+const withDrive = (name, body, settings = []) =>
   test(name, { timeout: 120_000, skip: program ? false : "DDFEED is not set: it is the program `ddfeed` with all features" }, async () => {
     const served = new Served();
     const tabs = [];
     try {
       await served.start();
+      for (const setting of settings) await served.command("settings", "set", setting);
       const openTab = async (first = "ready") => {
         const opened = await open(browser, {}, served.address, first);
         tabs.push(opened);
@@ -29,9 +30,7 @@ const withDrive = (name, body) =>
 const armed = (tab) => tab.getByText("· armed");
 const atRest = (tab) => tab.getByText("· not armed");
 
-withDrive("a second page watches, cannot command, and may stop", async ({ served, tab, openTab }) => {
-  // To open a page may take a busy computer longer than the usual heartbeat.
-  await served.command("settings", "set", "command.heartbeat_ms=10000");
+withDrive("a second page watches, cannot command, and may stop", async ({ tab, openTab }) => {
   await run(tab);
   const second = await openTab("running");
   await button(second, "Run").click();
@@ -40,7 +39,8 @@ withDrive("a second page watches, cannot command, and may stop", async ({ served
   await button(second, "STOP").click();
   await state(tab, "ready");
   await atRest(tab).waitFor();
-});
+  // To open a page may take a busy computer longer than the usual heartbeat.
+}, ["command.heartbeat_ms=10000"]);
 
 // The browser may end the worker before its stop is sent: then the drive stops where the heartbeat is missing.
 withDrive("a page that is reloaded while the drive moves leaves it at rest", async ({ tab }) => {
