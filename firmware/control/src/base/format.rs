@@ -425,7 +425,7 @@ pub const fn quantise(
 ///
 /// # Errors
 /// As [`quantise`].
-#[inline(always)]
+#[inline(never)]
 pub const fn fixed_point<Fraction: LeEqU32>(
     name: &'static str,
     unit: &'static str,

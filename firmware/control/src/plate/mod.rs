@@ -192,6 +192,7 @@ impl CompensationPlate {
 }
 
 /// Keeps what was learned, of so many fraction bits. A value that rounds to it stays: a drive that learned nothing changes no setting.
+#[inline(never)]
 fn keep_part(part: &mut f64, learned: i32, bits: u32) {
     let unit = 1.0 / (1u64 << bits) as f64;
     let learned = f64::from(learned) * unit;
