@@ -2,11 +2,14 @@
 //!
 //! A digest changes only with a formula or a format of the configuration. The commit that changes it says which.
 
+mod digest;
+
+use digest::Digest;
 use hal_sim::boards::BoardKind;
 use link::settings::{Setting, Settings, Value};
 use std::fmt::Debug;
 
-/// FNV-1a of the values in a debug text. Names of types and fields do not count.
+/// Digest of the values in a debug text. Names of types and fields do not count.
 fn digest(of: &impl Debug) -> u64 {
     let text = format!("{of:?}");
     let words = text.split(|c: char| !(c.is_alphanumeric() || c == '-' || c == '.'));
@@ -17,9 +20,9 @@ fn digest(of: &impl Debug) -> u64 {
     let bytes = words
         .filter(is_value)
         .flat_map(|word| word.bytes().chain([b' ']));
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    let mut digest = Digest::EMPTY;
+    digest.add(bytes);
+    digest.0
 }
 
 #[test]

@@ -1,5 +1,8 @@
 //! A simulated drive behind the link, from bytes to bytes.
 
+mod commands;
+
+use commands::{base, inject, open, speeds};
 use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::boards::BoardKind;
@@ -10,10 +13,10 @@ use link::codes::{ActiveLimits, EventKind, Limit, Origin, Warning};
 use link::host::client::Client;
 use link::host::refused::Refused;
 use link::host::{Decoder, Row};
-use link::message::{Command, Injected, Injection, Refusal, Reply, Travel};
+use link::message::{Command, Injected, Refusal, Reply, Travel};
 use link::scale;
 use link::settings::{Effect, Setting, Switch, Value};
-use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
+use link::telemetry::{FRAME_MAX, Frame, Header, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -81,25 +84,6 @@ impl Bench {
     fn run(&mut self, mm_s: f64, rpm: f64) -> anyhow::Result<()> {
         self.client.tell(speeds(mm_s, rpm))
     }
-}
-
-fn open(serving: &Rc<RefCell<Serving>>) -> Client<Within> {
-    Client::open(Within::open(serving)).unwrap()
-}
-
-fn speeds(mm_s: f64, rpm: f64) -> Command {
-    Command::Run {
-        velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
-        base: Some(scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED).unwrap()),
-    }
-}
-
-fn inject(fault: Injected, motor: u8, amount: f64) -> Command {
-    Command::Inject(Injection {
-        fault: fault.word(),
-        motor,
-        amount: Real::new(amount),
-    })
 }
 
 fn refusal(result: anyhow::Result<()>) -> Option<Refused> {
@@ -749,17 +733,13 @@ fn a_cold_drive_is_aligned_by_arming_and_keeps_its_table() {
 
 /// A torque for a motor, N m, within a speed; the other turns at `other_rpm`.
 fn torque(motor: u8, nm: f64, limit_rpm: f64, other_rpm: f64) -> Command {
-    let rad_s = |rpm: f64| {
-        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
-        word.unwrap()
-    };
     // The paper's motors: five pole pairs of 0.11 Wb.
     let current = scale::word(nm / 0.55, scale::CURRENT).unwrap();
     Command::Torque {
         motor,
         current,
-        speed: rad_s(limit_rpm),
-        base: rad_s(other_rpm),
+        speed: base(limit_rpm),
+        base: base(other_rpm),
     }
 }
 

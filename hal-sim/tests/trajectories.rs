@@ -4,8 +4,12 @@
 //! each millisecond until then. A change that is meant to change nothing changes no line. After another one run
 //! `UPDATE_TRAJECTORIES=1 cargo test -p hal-sim --test trajectories`, read what differs, and commit the file with the change.
 
-use control::plate::DrivePlate;
+mod commands;
+mod digest;
+
+use commands::{base, inject, open, speeds, velocity};
 use control::supervisor::State;
+use digest::Digest;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use hal_sim::parallel::on_all_cores;
@@ -13,10 +17,10 @@ use hal_sim::served::{Serving, SimulatedDrive, Within};
 use hal_sim::start::Start;
 use link::codes::{ActiveLimits, Misalignment};
 use link::host::client::Client;
-use link::message::{Command, Injected, Injection};
+use link::message::{Command, Injected};
 use link::scale;
 use link::settings::{Settings, Switch};
-use link::telemetry::{FRAME_MAX, Frame, Real, Request};
+use link::telemetry::{FRAME_MAX, Frame, Request};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -34,20 +38,20 @@ struct Session {
     serving: Rc<RefCell<Serving>>,
     client: Client<Within>,
     begun_m: f64,
-    digest: u64,
+    digest: Digest,
     lines: String,
 }
 
 impl Session {
     fn new(script: &'static str, drive: SimulatedDrive) -> Self {
         let serving = Rc::new(RefCell::new(Serving::new(drive)));
-        let client = Client::open(Within::open(&serving)).unwrap();
+        let client = open(&serving);
         let mut session = Self {
             script,
             serving,
             client,
             begun_m: 0.0,
-            digest: 0xcbf2_9ce4_8422_2325,
+            digest: Digest::EMPTY,
             lines: String::new(),
         };
         session.begun_m = session.table_m();
@@ -86,9 +90,7 @@ impl Session {
     }
 
     fn add(&mut self, word: u64) {
-        for byte in word.to_le_bytes() {
-            self.digest = (self.digest ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
+        self.digest.add(word.to_le_bytes());
     }
 
     fn add_text(&mut self, text: &str) {
@@ -175,10 +177,7 @@ impl Session {
     }
 
     fn run(&mut self, mm_s: f64, rpm: f64, ms: u32) {
-        self.tell(Command::Run {
-            velocity: velocity(mm_s),
-            base: Some(rad_s(rpm)),
-        });
+        self.tell(speeds(mm_s, rpm));
         self.pass(ms);
     }
 
@@ -189,11 +188,7 @@ impl Session {
     }
 
     fn inject(&mut self, fault: Injected, motor: u8, amount: f64) {
-        self.tell(Command::Inject(Injection {
-            fault: fault.word(),
-            motor,
-            amount: Real::new(amount),
-        }));
+        self.tell(inject(fault, motor, amount));
     }
 
     /// The settings with a change, after a restart where it needs one.
@@ -230,7 +225,7 @@ impl Session {
             (self.table_m() - self.begun_m) * 1e3,
             rpm(Axis::Screw),
             rpm(Axis::Nut),
-            self.digest,
+            self.digest.0,
         );
     }
 
@@ -243,14 +238,6 @@ impl Session {
         self.stage("end");
         self.lines
     }
-}
-
-fn velocity(mm_s: f64) -> i32 {
-    scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap()
-}
-
-fn rad_s(rpm: f64) -> i32 {
-    scale::word(rpm * TAU / 60.0, scale::BASE_SPEED).unwrap()
 }
 
 /// A board from cold: it is aligned, creeps in both drives, moves and rests.
@@ -325,7 +312,7 @@ fn travels(script: &'static str) -> String {
     session.tell(Command::MoveTo {
         position_nm: 40_000_000,
         velocity: velocity(30.0),
-        base: Some(rad_s(300.0)),
+        base: Some(base(300.0)),
     });
     session.pass(2500);
     session.stage("at 40 mm");
@@ -356,8 +343,8 @@ fn travels(script: &'static str) -> String {
     session.tell(Command::Torque {
         motor: 0,
         current: scale::word(-1.5, scale::CURRENT).unwrap(),
-        speed: rad_s(400.0),
-        base: rad_s(100.0),
+        speed: base(400.0),
+        base: base(100.0),
     });
     session.pass(400);
     session.stage("torque");
@@ -365,7 +352,7 @@ fn travels(script: &'static str) -> String {
     session.end()
 }
 
-/// Each fault, put in while the table moves at `mm_s` and the nut at `rpm`; it is cleared, and the drive goes on.
+/// Each fault, injected while the table moves at `mm_s` and the nut at `rpm`; it is cleared, and the drive goes on.
 fn faults(script: &'static str, board: BoardKind, [mm_s, rpm]: [f64; 2]) -> String {
     let mut session = Session::cold(script, board, |_| ());
     // There and back, as the travel has ends.
@@ -444,8 +431,7 @@ fn wirings(script: &'static str, board: BoardKind) -> String {
             start.board.wiring.encoders_exchanged = true;
         }),
         ("pole pairs", |start| {
-            let plate: &mut DrivePlate = &mut start.plate;
-            plate.motors[0].pole_pairs += 1;
+            start.plate.motors[0].pole_pairs += 1;
         }),
     ];
     let mut lines = String::new();

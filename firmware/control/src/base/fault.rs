@@ -191,11 +191,13 @@ impl Fault {
     }
 }
 
-/// What the pair does when a fault stops it. The reasons are energies: a bridge that opens leaves its motor to friction, and
-/// two motors that coast from speed `omega` come to rest `J omega^2 / 2` over their friction torques later, each by itself, so
-/// that the table moves by the lead times the difference: 8 mm from 800 rpm on the mains board's machine. So whatever leaves
-/// both motors in hand ends in a stop of both, whose references keep the difference; what is wrong with one motor opens its bridge at once,
-/// and the other brings the table to rest; both bridges open at once only where going on would break a part or turn a motor the wrong way.
+/// What the pair does when a fault stops it. The reasons are energies. A bridge that opens leaves its motor to friction. Two motors that
+/// coast from speed `omega` come to rest `J omega^2 / 2` over their friction torques later, each by itself. So the table moves by the lead
+/// times the difference: 8 mm from 800 rpm on the mains board's machine.
+///
+/// So whatever leaves both motors in hand ends in a stop of both, whose references keep the difference. What is wrong with one motor opens
+/// its bridge at once, and the other brings the table to rest. Both bridges open at once only where going on would break a part or turn
+/// a motor the wrong way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reaction {
     /// Both motors come to rest within their limits, the table too; then both bridges open. Stop category 1 of IEC 60204-1.

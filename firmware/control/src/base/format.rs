@@ -23,10 +23,9 @@
 //! | [`SpeedChange`] | rad/s a step | ±8 | 3.7e-9 | 40 000 rad/s^2 at 5 kHz; a jerk of 50 rad/s^3 is 2e-6 a step^2, 500 of its steps |
 //! | [`Angle`] | turn | [0, 1), wraps | 2^-32 | modular by nature: an angle's wrap is its arithmetic |
 //!
-//! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits) and comes back
-//! through [`narrow`], which saturates, or only its upper word is taken, which cannot overflow; sums of narrow values
-//! are `saturating_add`, or plain where their ranges prove that they fit: the proof stands beside them, and tests drive
-//! the ends in a build where an overflow panics.
+//! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits). It comes back through [`narrow`], which
+//! saturates, or only its upper word is taken, which cannot overflow. Sums of narrow values are `saturating_add`, or plain where
+//! their ranges prove that they fit. The proof stands beside them, and tests drive the ends in a build where an overflow panics.
 
 use core::hint::cold_path;
 use fixed::traits::FixedSigned;

@@ -51,7 +51,7 @@ impl Correction {
         });
         let values: Vec<String> = values.collect();
         format!(
-            " With {} than declared the verdict is `{}`. Is what is declared right? Correct it, and identify again.",
+            " With {} than declared the verdict is `{}`. Is what is declared right? If not, correct it and identify again.",
             values.join(" and "),
             self.verdict
         )

@@ -72,9 +72,13 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             }
             None => {
                 let outcome = with_curves(&case, &check, &noise, &mut progress, outcome);
+                let released = match outcome.may_have_a_wrong_plate() {
+                    true => released_in(&case, &noise, &progress.found),
+                    false => Vec::new(),
+                };
                 return Outcome {
                     refused: case.balance.refusals.list(),
-                    released: released_in(&case, &noise, &progress.found, &outcome.at_ends),
+                    released,
                     ..outcome
                 };
             }
@@ -82,16 +86,8 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
     }
 }
 
-/// See [`released`]: nothing where no plate value is at an end.
-fn released_in(
-    case: &Case,
-    noise: &Noise,
-    found: &[Hypothesis],
-    ends: &[String],
-) -> Vec<Vec<Released>> {
-    if ends.is_empty() {
-        return Vec::new();
-    }
+/// See [`released`], of what was found.
+fn released_in(case: &Case, noise: &Noise, found: &[Hypothesis]) -> Vec<Vec<Released>> {
     let whitener = case.whitener(noise);
     let normal = case.search(&whitener, found).normal;
     released(case, &normal, whitener.used_rows() as f64)

@@ -119,7 +119,7 @@ pub struct Outcome {
     pub calibration: Vec<(String, f64, f64)>,
     /// Plate values that the fit record has at an end of their tolerance.
     pub at_ends: Vec<String>,
-    /// What they are where their tolerance does not hold them: few of them, then more.
+    /// What they are where their tolerance does not hold them: few of them, then more. None where nothing is left.
     pub(crate) released: Vec<Vec<Released>>,
     /// Plate values with which the record has a better verdict.
     pub correction: Option<Correction>,
@@ -227,14 +227,10 @@ impl Outcome {
                 three(angle.to_degrees())
             );
         }
-        let is_left = matches!(
-            judged.verdict,
-            Verdict::Unexplained | Verdict::PartlyExplained
-        );
         if let Some(correction) = &self.correction {
             let left = judged.said.left.get_or_insert_default();
             *left += &correction.sentence();
-        } else if is_left && !self.at_ends.is_empty() {
+        } else if judged.verdict.leaves_something() && !self.at_ends.is_empty() {
             let names: Vec<String> = self
                 .at_ends
                 .iter()
@@ -294,13 +290,14 @@ impl Outcome {
         }
     }
 
-    /// With a correction of the plate, if something is left and the records are better explained under corrected values. `again` draws
-    /// the conclusion under another model.
+    /// Whether something is left, and plate values at an end of their tolerance may be why.
+    pub(crate) fn may_have_a_wrong_plate(&self) -> bool {
+        !self.at_ends.is_empty() && self.judged().verdict.leaves_something()
+    }
+
+    /// With a correction of the plate, where the records are better explained under corrected values. `again` draws the conclusion under
+    /// another model.
     pub(crate) fn or_corrected(self, model: &Model, again: impl Fn(&Model) -> Outcome) -> Self {
-        let is_left = [Verdict::Unexplained, Verdict::PartlyExplained];
-        if self.released.is_empty() || !is_left.contains(&self.judged().verdict) {
-            return self;
-        }
         let correction = self.released.iter().find_map(|released| {
             let with = again(&corrected(model, released));
             let verdict = with.judged().verdict;

@@ -147,7 +147,7 @@ fn change(model: &mut Model, parameter: Parameter, value: f64) {
     }
 }
 
-/// Least and greatest factor on a plate value that is proposed: beyond that something else is wrong.
+/// Minimum and maximum factor on a plate value that is proposed: beyond that something else is wrong.
 const FACTORS: [f64; 2] = [0.3, 3.0];
 
 /// A plate value as the fit record has it, beyond its tolerance.

@@ -48,6 +48,11 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// Whether the check record has something beyond what is named.
+    pub(crate) fn leaves_something(self) -> bool {
+        matches!(self, Verdict::Unexplained | Verdict::PartlyExplained)
+    }
+
     /// As in a report.
     pub fn name(self) -> &'static str {
         match self {

@@ -14,7 +14,7 @@ const withDrive = (name, body, settings = []) =>
     const tabs = [];
     try {
       await served.start();
-      for (const setting of settings) await served.command("settings", "set", setting);
+      if (settings.length) await served.command("settings", "set", ...settings);
       const openTab = async (first = "ready") => {
         const opened = await open(browser, {}, served.address, first);
         tabs.push(opened);

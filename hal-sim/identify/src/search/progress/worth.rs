@@ -13,9 +13,9 @@ use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::{FRAC_1_PI, TAU};
 
-/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): of a shaft that turns the reading's error
-/// is a sawtooth of one count over the angle, whose first harmonic has an amplitude of 1/pi, the largest line that it can make of
-/// any order where rows meet it. That of an encoder whose motor rests all along does not average out: half a count.
+/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead). The reading of a shaft that turns is off by a
+/// sawtooth of one count over the angle. Its first harmonic has an amplitude of 1/pi, the largest line that it can make of any order where
+/// rows meet it. That of an encoder whose motor rests all along does not average out: half a count.
 const LEAST_COUNTS: f64 = FRAC_1_PI;
 const LEAST_AT_REST: f64 = 0.5;
 /// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
